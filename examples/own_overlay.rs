@@ -1,4 +1,4 @@
-//! Adds an overlay to the window of colvis: the path flown, shown and hidden with the key Z.
+//! Adds an overlay to the window of colvis: the path flown, shown and hidden with the key O.
 //!
 //! `cargo run --release --example own_overlay`
 
@@ -7,7 +7,7 @@ use colvis::app::{Canvas, FlightApp, Overlay};
 const FLOWN: Overlay = Overlay {
     name: "flown",
     summary: "the way flown",
-    key: Some('z'),
+    key: Some('o'),
     shown: true,
     draw: draw_way_flown,
     ..Overlay::PLAIN

@@ -1,6 +1,6 @@
 //! Adds a panel to colvis: the distance to the wall over the last seconds.
 //!
-//! `cargo run --release --example own_panel` (key Z)
+//! `cargo run --release --example own_panel` (key J)
 
 use std::collections::VecDeque;
 
@@ -47,7 +47,7 @@ fn main() -> std::process::ExitCode {
     let panel = PanelEntry {
         name: "wall_distance",
         title: "Distance to the wall",
-        key: Some('z'),
+        key: Some('j'),
         shown: true,
         make: || Box::<WallDistance>::default(),
         ..PanelEntry::NONE

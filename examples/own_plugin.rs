@@ -1,6 +1,6 @@
 //! Adds a plug-in with settings and state to colvis: it measures how long the camera was near the wall.
 //!
-//! `cargo run --release --example own_plugin` (key Z; headless: `-- fly --headless --record film.gif --overlay near_wall`)
+//! `cargo run --release --example own_plugin` (key O; headless: `-- fly --headless --record film.gif --overlay near_wall`)
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -52,6 +52,6 @@ fn draw(flight: &FlightApp, canvas: &mut Canvas) {
 }
 
 fn main() -> std::process::ExitCode {
-    let shown = Overlay { name: "near_wall", summary: "time near the wall", key: Some('z'), draw, ..Overlay::PLAIN };
+    let shown = Overlay { name: "near_wall", summary: "time near the wall", key: Some('o'), draw, ..Overlay::PLAIN };
     colvis::cli::Program::default().plugin(NearWall::default()).overlay(shown).run()
 }

@@ -464,7 +464,7 @@ fn candidates_are_answered_in_a_window() {
     assert!(chosen(&list) == 0.0);
     screen.key("Return");
     screen.shot_when("the first candidate", |i| chosen(i) > 0.01);
-    screen.key("y");
+    screen.key("ctrl+y");
     let answers = || {
         let file = fs::read_dir(&kept).ok()?.next()?.ok()?.path();
         fs::read_to_string(file).ok()
@@ -481,7 +481,7 @@ fn candidates_are_answered_in_a_window() {
     screen.shot_when("the list again", lists);
     screen.key("Return");
     screen.shot_when("the first candidate again", |i| chosen(i) > 0.01);
-    screen.key("o");
+    screen.key("ctrl+n");
     screen.shot_when("another answer", |_| answers().is_some_and(|a| a == text.replace("\"yes\"", "\"no\"")));
     let took = quit(window);
     assert!(took["candidates"].as_u64().unwrap() > 0 && took["bytes"].as_u64().unwrap() > 0, "{took}");

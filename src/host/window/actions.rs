@@ -237,18 +237,20 @@ const TABLE: &[Row] = &[
             c.assist(AssistInput::Step(false), at.now);
         })
     },
-    answer("candidate-yes", "this candidate is a polyp", "Y", |c, at| {
+    answer("candidate-yes", "this candidate is a polyp", "Ctrl+Y", |c, at| {
         c.assist(AssistInput::Answer(Answer::Yes), at.now);
     }),
-    answer("candidate-no", "this candidate is no polyp", "O", |c, at| {
+    answer("candidate-no", "this candidate is no polyp", "Ctrl+N", |c, at| {
         c.assist(AssistInput::Answer(Answer::No), at.now);
     }),
-    answer("candidate-unsure", "unsure whether this is a polyp", "U", |c, at| {
+    answer("candidate-unsure", "unsure whether this is a polyp", "Ctrl+U", |c, at| {
         c.assist(AssistInput::Answer(Answer::Unsure), at.now);
     }),
     Row {
         possible: has_list,
-        ..once("candidate-marks", "mark the candidates in all views", "J", |c, at| c.assist(AssistInput::Mark, at.now))
+        ..once("candidate-marks", "mark the candidates in all views", "Ctrl+J", |c, at| {
+            c.assist(AssistInput::Mark, at.now)
+        })
     },
     Row {
         possible: has_list,
