@@ -123,8 +123,8 @@ impl Looks {
         Self { volume: volume.clone(), clearances }
     }
 
-    /// Returns a view of the subject, `side` pixels wide and high, from the lumen, from its axis a little to the side on which there is most room, with superior
-    /// on top. Also returns the length of a mm at the subject, pixels.
+    /// Returns a view of the subject, `side` pixels wide and high: from the lumen, from its axis a little to the side on which
+    /// there is most room, with superior on top. Also returns the length of a mm at the subject, pixels.
     ///
     /// # Errors
     /// Returns status 2 if the subject is nowhere.

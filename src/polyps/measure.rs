@@ -46,8 +46,8 @@ pub struct Measurement {
     pub why: Vec<&'static str>,
 }
 
-/// Measures the lesion at a place (world, mm LPS) of the wall of `volume`. `is_restored` tells whether a place (world, mm) is where tag was
-/// taken out. All places on one lesion give the same measurement.
+/// Measures the lesion at a place (world, mm LPS) of the wall of `volume`. `is_restored` tells whether a place (world, mm) is
+/// where tag was taken out. All places on one lesion give the same measurement.
 ///
 /// # Errors
 /// Returns status 4 if there is no wall within 5 mm, or nothing bulges there.

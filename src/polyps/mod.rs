@@ -15,6 +15,8 @@ mod measure;
 mod score;
 mod wall;
 
+use std::collections::BTreeMap;
+
 use glam::DVec3;
 
 use crate::error::Result;
@@ -87,8 +89,17 @@ pub fn find(detector: &Detector, colon: &Colon<'_>, progress: &Progress) -> Resu
         b.score.total_cmp(&a.score).then_with(|| p.partial_cmp(&q).unwrap_or(std::cmp::Ordering::Equal))
     });
     let mut kept: Vec<Candidate> = Vec::new();
+    // What was kept, by cells of that size: a detector may return every vertex.
+    let mut cells: BTreeMap<[i64; 3], Vec<usize>> = BTreeMap::new();
+    let cell = |p: DVec3| (p / SAME_MM).floor().to_array().map(|x| x as i64);
     for c in found {
-        if kept.iter().all(|k| k.position.distance(c.position) >= SAME_MM) {
+        let [x, y, z] = cell(c.position);
+        let mut near = (0..27).filter_map(|n| {
+            let [i, j, k] = [n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1];
+            cells.get(&[x.saturating_add(i), y.saturating_add(j), z.saturating_add(k)])
+        });
+        if near.all(|own| own.iter().all(|&k| kept[k].position.distance(c.position) >= SAME_MM)) {
+            cells.entry([x, y, z]).or_default().push(kept.len());
             kept.push(c);
         }
     }

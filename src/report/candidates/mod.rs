@@ -18,7 +18,7 @@ use crate::space::TransferFunction;
 use crate::volume::{Grid, Volume};
 use froc::Trial;
 
-/// The first seed of the phantoms that are measured. All constants of the detectors were chosen on seeds 1 to 40.
+/// The first seed of the phantoms that are measured. All constants of the detectors were chosen on seeds 1 to 30.
 const HELD_APART: u64 = 1001;
 
 /// How phantoms are scanned, as usual or with one factor changed.
