@@ -249,7 +249,7 @@ const TABLE: &[Row] = &[
     Row {
         possible: has_list,
         ..once("candidate-marks", "mark the candidates in all views", "Ctrl+J", |c, at| {
-            c.assist(AssistInput::Mark, at.now)
+            c.assist(AssistInput::Mark, at.now);
         })
     },
     Row {
