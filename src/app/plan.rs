@@ -335,13 +335,11 @@ pub fn first_attitude(volume: &PreparedVolume, start: DVec3, goal: DVec3) -> Att
 
 /// Creates the error that no colon was found, with what was found instead.
 pub fn no_colon(lumen: &Lumen) -> Error {
-    let found = match lumen.largest().map(|s| &lumen.segments[s]) {
-        None => "no gas in the body that looks like a colon's".to_owned(),
-        Some(s) => format!("the largest gas in the body is {:.0} ml and {:.0} mm long", s.ml, s.length_mm),
-    };
+    let is_chest = lumen.landmarks.as_ref().is_some_and(|l| l.is_chest());
+    let hint = if is_chest { " (a scan of the chest?)" } else { " (an unprepared or collapsed colon?)" };
     Error::incomplete(
         "no colon found to fly through",
-        format!("{found} (an unprepared or collapsed colon?)"),
+        format!("{}{hint}", lumen.found()),
         "start in any gas with --from X,Y,Z",
     )
 }
@@ -377,7 +375,7 @@ mod tests {
     fn segment(number: usize, ml: f64) -> Segment {
         let aside = DVec3::X * number as f64;
         let ends = [RECTAL + aside, CECAL + aside];
-        Segment { ml, fluid_ml: 0.0, bounds_mm: ends, ends, joined_to: Vec::new(), length_mm: 300.0 }
+        Segment { ml, fluid_ml: 0.0, bounds_mm: ends, ends, joined_to: Vec::new(), length_mm: 300.0, way: Vec::new() }
     }
 
     /// Three segments, of which the middle one is the largest.

@@ -252,6 +252,7 @@ mod tests {
             ends: [DVec3::X * n as f64, DVec3::Y * n as f64],
             joined_to: joined_to.to_vec(),
             length_mm: 100.0,
+            way: Vec::new(),
         };
         let grid = Grid::new([4; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
         let mut lumen = Lumen::none(&grid);

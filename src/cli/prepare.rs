@@ -217,7 +217,7 @@ pub(crate) fn cleansed_lumen(
 ) -> Result<(Lumen, Option<Cleansed>)> {
     let found = lumen_from(volume, from, timings, progress)?;
     if found.segments.is_empty() {
-        return Err(no_lumen("give --from and a point in the colon"));
+        return Err(no_lumen(&found, "give --from and a point in the colon"));
     }
     let mut cleansed = timings.time("cleanse_s", || cleanse::cleanse(volume, &found, progress))?;
     if cleansed.changes.is_empty() {
@@ -244,8 +244,8 @@ pub(crate) fn around(volume: Volume, lumen: Lumen, beyond_mm: f64) -> (Volume, L
 }
 
 /// The failure of a command that found no colon in a scan.
-pub(crate) fn no_lumen(hint: &str) -> Error {
-    Error::incomplete("volume", "no gas of a colon was found in it", hint)
+pub(crate) fn no_lumen(lumen: &Lumen, hint: &str) -> Error {
+    Error::incomplete("volume", format!("no gas of a colon was found in it: {}", lumen.found()), hint)
 }
 
 /// Rejects outputs of a command that would overwrite its input or each other, or whose folder is missing, before any work is done.

@@ -108,7 +108,7 @@ pub(crate) fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> R
 }
 
 fn not_colon(others: &lumen::Others) -> Vec<NotColon> {
-    let part = |o: &lumen::Other| NotColon { ml: o.ml, kind: o.kind, why: o.why, bounds_mm: o.bounds_mm };
+    let part = |o: &lumen::Other| NotColon { ml: o.ml, kind: o.kind.name(), why: o.why, bounds_mm: o.bounds_mm };
     others.pieces.iter().map(part).collect()
 }
 

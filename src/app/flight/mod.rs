@@ -367,8 +367,15 @@ mod tests {
         let reversed = |ends: [DVec3; 2], goal: DVec3, segment: Option<usize>| {
             let mut lumen = Lumen::none(volume.voxels().grid());
             let bounds_mm = [DVec3::ZERO; 2];
-            lumen.segments =
-                vec![Segment { ml: 4.0, fluid_ml: 0.0, bounds_mm, ends, joined_to: Vec::new(), length_mm: 30.0 }];
+            lumen.segments = vec![Segment {
+                ml: 4.0,
+                fluid_ml: 0.0,
+                bounds_mm,
+                ends,
+                joined_to: Vec::new(),
+                length_mm: 30.0,
+                way: Vec::new(),
+            }];
             let plan = Plan { segment, ..Plan::between(ends[0], goal, 30.0) };
             let (lumen, scene, fields) = (Arc::new(lumen), Scene::default(), Fields::default());
             Setup { volume: volume.clone(), lumen, plan, scene, fields, cleansed: None }.is_reversed()

@@ -88,6 +88,7 @@ mod tests {
             ends: [DVec3::ONE; 2],
             joined_to: Vec::new(),
             length_mm: 30.0,
+            way: Vec::new(),
         };
         lumen.segments = [50.0, 40.0, 30.0, 20.0].map(segment).to_vec();
         let plan = Plan { segment: Some(1), ..Plan::between(room.centre(), room.centre() + DVec3::Y * 15.0, 15.0) };

@@ -132,7 +132,7 @@ fn downwards(lumen: &Lumen, frame: Frame) -> Option<AxisDirection> {
         };
         lumen.fluid().iter().map(|(j, k, r)| r.range().filter(|&i| is_gas(i, j, k)).count()).sum::<usize>()
     };
-    let [a, b] = [frame.posterior, frame.posterior.back()].map(|d| (above(d), d));
-    let (count, down) = if a.0 >= b.0 { a } else { b };
+    let sides = [frame.posterior, frame.posterior.back(), frame.left, frame.left.back()].map(|d| (above(d), d));
+    let (count, down) = sides.into_iter().reduce(|a, b| if b.0 > a.0 { b } else { a })?;
     (count > 0).then_some(down)
 }

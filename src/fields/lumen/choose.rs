@@ -2,9 +2,12 @@
 
 use rayon::prelude::*;
 
+use super::TISSUE_HU;
 use super::frame::Frame;
+use super::kinds::GasKind;
+use super::others::Other;
 use super::runs::{Rows, Run};
-use crate::volume::Volume;
+use crate::volume::{Grid, Volume};
 
 /// Minimum size of a piece of gas as a fraction of the largest one, unless it is [`AMPLE_ML`].
 const LEAST_SHARE: f64 = 0.05;
@@ -18,14 +21,16 @@ const MOST: usize = 32;
 /// Tissue that surrounds gas inside the body on every side, mm: more than the shell of a table, less than the skin and
 /// muscle of a lean patient.
 const ENCLOSING_MM: f64 = 6.0;
-/// Tissue is brighter than this, HU: between fat (−120) and lung.
-const TISSUE_HU: i16 = -300;
 /// Minimum excess of the lung's median over the scan's own gas, HU. Even emphysema rarely comes closer.
 const LUNG_ABOVE_GAS: i32 = 70;
 /// Same for gas that reaches the scan's superior end, where lungs are expected.
 const LUNG_ABOVE_GAS_AT_TOP: i32 = 45;
 /// Maximum value of the scan's gas if there is no darker one, HU.
 const GAS_AT_MOST: i32 = -950;
+/// Maximum excess of the scan's gas over the air around the patient, HU: scatter and the blur of walls.
+const GAS_ABOVE_AIR: i32 = 20;
+/// Value of air, HU; a scan's own may be less, or be padding.
+const AIR: i32 = -1000;
 /// Number of voxels of a piece whose surroundings are examined.
 const PROBES: usize = 160;
 
@@ -53,30 +58,14 @@ pub(super) enum Kind {
 
 impl Kind {
     /// Returns its name and the reason; `None` if unsure.
-    pub(crate) fn reported(self) -> Option<(&'static str, &'static str)> {
+    pub(crate) fn reported(self) -> Option<(GasKind, &'static str)> {
         match self {
             Self::Unsure => None,
-            Self::Outside => Some(("outside", "it reaches a lateral face of the scan")),
-            Self::Around => Some(("around", "no tissue encloses it")),
-            Self::Lung => Some(("lung", "it is brighter than gas, as lung is")),
+            Self::Outside => Some((GasKind::Outside, "it reaches a lateral face of the scan")),
+            Self::Around => Some((GasKind::Outside, "no tissue encloses it")),
+            Self::Lung => Some((GasKind::Lung, "it is brighter than gas, as lung is")),
         }
     }
-}
-
-/// Returns the kind of each component.
-pub(super) fn kinds(volume: &Volume, rows: &Rows, components: usize, frame: Frame) -> Vec<Kind> {
-    let looked = look(volume, rows, components, frame);
-    let mut kinds: Vec<Kind> =
-        looked.pieces.iter().map(|p| if p.on_side { Kind::Outside } else { Kind::Unsure }).collect();
-    // The few voxels of a bubble are near its wall, hence brighter than gas, and say little about its surroundings.
-    for &(c, found) in looked.inside.iter().filter(|&&(c, _)| looked.ml(c) >= AMPLE_ML) {
-        kinds[c as usize] = match found {
-            Found::Dark(median) if looked.is_dark(c, median) => Kind::Unsure,
-            Found::Dark(_) | Found::Bright => Kind::Lung,
-            Found::Bare => Kind::Around,
-        };
-    }
-    kinds
 }
 
 /// The result of examining a component's probes.
@@ -97,7 +86,7 @@ impl Found {
 }
 
 /// The examination of all components.
-struct ComponentReview {
+pub(super) struct ComponentReview {
     pieces: Vec<Piece>,
     voxel_ml: f64,
     /// The largest components within the body, by volume, the largest first (ties by label).
@@ -111,6 +100,50 @@ impl ComponentReview {
         self.pieces[c as usize].voxels as f64 * self.voxel_ml
     }
 
+    /// Returns the kind of each component.
+    pub(crate) fn kinds(&self) -> Vec<Kind> {
+        let mut kinds: Vec<Kind> =
+            self.pieces.iter().map(|p| if p.on_side { Kind::Outside } else { Kind::Unsure }).collect();
+        // The few voxels of a bubble are near its wall, hence brighter than gas, and say little about its surroundings.
+        for &(c, found) in self.inside.iter().filter(|&&(c, _)| self.ml(c) >= AMPLE_ML) {
+            kinds[c as usize] = match found {
+                Found::Dark(median) if self.is_dark(c, median) => Kind::Unsure,
+                Found::Dark(_) | Found::Bright => Kind::Lung,
+                Found::Bare => Kind::Around,
+            };
+        }
+        kinds
+    }
+
+    /// Returns the components that may be colon, by volume, the largest first (ties by label).
+    pub(crate) fn colon(&self) -> Vec<u32> {
+        let dark = self.inside.iter().filter_map(|&(c, f)| Some((c, f.median()?)));
+        let mut kept: Vec<u32> = dark.filter(|&(c, median)| self.is_dark(c, median)).map(|s| s.0).collect();
+        if let Some(&largest) = kept.first() {
+            let least = (self.ml(largest) * LEAST_SHARE).clamp(BUBBLE_ML, AMPLE_ML);
+            kept.retain(|&c| c == largest || self.ml(c) >= least);
+        }
+        kept.truncate(MOST);
+        kept
+    }
+
+    /// Returns the ample components that are surely no colon and not among `chosen`, by the size of their cores.
+    pub(crate) fn others(&self, grid: &Grid, rows: &Rows, chosen: &[u32]) -> Vec<Other> {
+        let mut all: Vec<Option<Other>> = (0..)
+            .zip(self.kinds())
+            .map(|(c, kind): (u32, Kind)| {
+                let (kind, why) = kind.reported().filter(|_| self.ml(c) >= AMPLE_ML && !chosen.contains(&c))?;
+                Some(Other { ml: self.ml(c), ..Other::sure(kind, why) })
+            })
+            .collect();
+        for (j, k, r) in rows.iter() {
+            if let Some(o) = &mut all[r.label as usize] {
+                o.reach(grid, r, j, k);
+            }
+        }
+        all.into_iter().flatten().collect()
+    }
+
     /// True if a component's median is that of gas rather than of lung.
     fn is_dark(&self, c: u32, median: i32) -> bool {
         let margin = if self.pieces[c as usize].on_top { LUNG_ABOVE_GAS_AT_TOP } else { LUNG_ABOVE_GAS };
@@ -119,7 +152,7 @@ impl ComponentReview {
 }
 
 /// Examines the components.
-fn look(volume: &Volume, rows: &Rows, components: usize, frame: Frame) -> ComponentReview {
+pub(super) fn look(volume: &Volume, rows: &Rows, components: usize, frame: Frame) -> ComponentReview {
     let pieces = survey(rows, components, frame);
     let voxel_ml = volume.grid().voxel_ml();
     let ml = |c: u32| pieces[c as usize].voxels as f64 * voxel_ml;
@@ -142,22 +175,11 @@ fn look(volume: &Volume, rows: &Rows, components: usize, frame: Frame) -> Compon
     let seen: Vec<(u32, i32)> = inside.iter().filter_map(|&(c, f)| Some((c, f.median()?))).collect();
     let ample = |&&(c, _): &&(u32, i32)| ml(c) >= AMPLE_ML;
     let darkest = seen.iter().filter(ample).map(|s| s.1).min().or_else(|| seen.iter().map(|s| s.1).min());
-    let gas = darkest.unwrap_or(GAS_AT_MOST).min(GAS_AT_MOST);
+    let around = (0..components as u32).filter(|&c| pieces[c as usize].on_side);
+    let around = around.reduce(|a, b| if pieces[b as usize].voxels > pieces[a as usize].voxels { b } else { a });
+    let air = around.map(|c| median(volume, &sample(rows, &[c], components)[0]).max(AIR));
+    let gas = darkest.into_iter().chain(air.map(|a| a + GAS_ABOVE_AIR)).fold(GAS_AT_MOST, i32::min);
     ComponentReview { pieces, voxel_ml, inside, gas }
-}
-
-/// Returns the components that are probably colon, by volume, the largest first (ties by label).
-pub(super) fn colon(volume: &Volume, rows: &Rows, components: usize, frame: Frame) -> Vec<u32> {
-    let looked = look(volume, rows, components, frame);
-    let ml = |c: u32| looked.ml(c);
-    let dark = looked.inside.iter().filter_map(|&(c, f)| Some((c, f.median()?)));
-    let mut kept: Vec<u32> = dark.filter(|&(c, median)| looked.is_dark(c, median)).map(|s| s.0).collect();
-    if let Some(&largest) = kept.first() {
-        let least = (ml(largest) * LEAST_SHARE).clamp(BUBBLE_ML, AMPLE_ML);
-        kept.retain(|&c| c == largest || ml(c) >= least);
-    }
-    kept.truncate(MOST);
-    kept
 }
 
 /// True if a component reaches a lateral face of the grid, as outside air does.
@@ -346,7 +368,7 @@ mod tests {
     fn what_is_no_colon_is_named_with_its_reason() {
         assert_eq!(Kind::Unsure.reported(), None);
         let named = [Kind::Outside, Kind::Around, Kind::Lung].map(|k| k.reported().unwrap());
-        assert_eq!(named.map(|n| n.0), ["outside", "around", "lung"]);
+        assert_eq!(named.map(|n| n.0), [GasKind::Outside, GasKind::Outside, GasKind::Lung]);
         assert!(named.iter().all(|n| n.1.len() > 10));
     }
 }

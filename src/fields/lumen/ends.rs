@@ -15,10 +15,14 @@ const INWARD_MM: f64 = 25.0;
 const BALL_MM: f64 = 40.0;
 
 /// The ends of one piece of gas.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Ends {
     pub at: [DVec3; 2],
     pub length_mm: f64,
+    /// The way from the first end to the second, without the zigzag of the cells, world, mm.
+    pub way: Vec<DVec3>,
+    /// Clearance along the way from end to end, mm, every few mm.
+    pub clearances: Vec<f64>,
 }
 
 /// Finds the ends of the gas of `label` by a double sweep: twice the farthest position from the previous one, along
@@ -39,13 +43,17 @@ pub(super) fn ends(grid: &Grid, rows: &Rows, graph: &Graph, label: u32) -> Optio
     let back = graph.ways(second);
     let first = inward(graph, farthest(&back)?);
     let mut polyline = vec![graph.nodes[first as usize].centre];
+    let mut clearances = vec![clearance(first)];
     let mut n = first;
     while back.before[n as usize] != n {
         n = back.before[n as usize];
         polyline.push(graph.nodes[n as usize].centre);
+        clearances.push(clearance(n));
     }
     let at = [first, second].map(|n| centred(grid, rows, &graph.nodes[n as usize]));
-    Some(Ends { at, length_mm: smooth_length(&polyline) })
+    let way = smooth(&polyline);
+    let length_mm = way.windows(2).map(|w| w[0].distance(w[1])).sum();
+    Some(Ends { at, length_mm, way, clearances })
 }
 
 /// Climbs from a tip to where the lumen near it is wide: a gain in clearance is worth five times the distance.
@@ -56,6 +64,7 @@ fn inward(graph: &Graph, tip: u32) -> u32 {
     let mut at = tip;
     loop {
         let near = graph.neighbours(at).iter().flat_map(|&m| graph.neighbours(m).iter().copied().chain([m]));
+        let near = near.filter(|&m| node(m).label == node(tip).label);
         let next =
             near.filter(|&m| away(m) <= INWARD_MM).fold(at, |best, m| if worth(m) > worth(best) { m } else { best });
         if next == at {
@@ -65,13 +74,13 @@ fn inward(graph: &Graph, tip: u32) -> u32 {
     }
 }
 
-/// Returns the length of a path without the zigzag of the cells: each point is replaced by the mean of five.
-fn smooth_length(polyline: &[DVec3]) -> f64 {
-    let smooth = |n: usize| {
+/// Returns a path without the zigzag of the cells: each point is replaced by the mean of five.
+fn smooth(polyline: &[DVec3]) -> Vec<DVec3> {
+    let mean = |n: usize| {
         let reach = 2.min(n).min(polyline.len() - 1 - n);
         polyline[n - reach..=n + reach].iter().sum::<DVec3>() / (2 * reach + 1) as f64
     };
-    (1..polyline.len()).map(|n| smooth(n).distance(smooth(n - 1))).sum()
+    (0..polyline.len()).map(mean).collect()
 }
 
 /// Returns the voxel near a node's centre with the largest inscribed ball among its neighbours, found with halving

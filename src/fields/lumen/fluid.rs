@@ -1,6 +1,6 @@
 //! Tagged fluid: bright voxels below a level surface of the gas.
 //!
-//! Gravity pulls towards the patient's back or front, whichever side the level surfaces are on. Neighbouring columns at
+//! Gravity pulls towards the patient's back, front or side, whichever the level surfaces are on. Neighbouring columns at
 //! the same level form a pool, and a pool's own brightness gives the threshold between it and the wall. From there the
 //! fluid is flooded, never above its level, through voxels that are bright *and* have bright neighbours. It therefore
 //! runs neither through a blurred wall into the tagged small bowel nor into bone.
@@ -29,6 +29,8 @@ const LEVEL_MM: f64 = 6.0;
 const SURFACE_MM2: f64 = 60.0;
 /// Required ratio of level surface between the two sides to determine which way is down.
 const SURE: usize = 3;
+/// Minimum area of level surface that tells which way is down, mm².
+const TELLING_MM2: f64 = 300.0;
 /// Depth of fluid below its surface where it is too thin to flood, mm.
 const FILM_MM: f64 = 5.0;
 /// Maximum distance of fluid from its surface, mm.
@@ -46,6 +48,8 @@ pub(super) struct Fluid {
     pub rows: Rows,
     /// For each segment, the others that share a pool with it.
     pub joined: Vec<Vec<usize>>,
+    /// The direction of gravity, if level surfaces tell it.
+    pub down: Option<AxisDirection>,
 }
 
 /// A voxel below the gas, with fluid a few voxels further down.
@@ -63,24 +67,43 @@ struct Column {
 
 /// Finds the fluid below the gas of `count` labels.
 pub(super) fn find(volume: &Volume, gas: &Rows, count: usize, frame: Frame, progress: &Progress) -> Result<Fluid> {
-    let sides = [frame.posterior, frame.posterior.back()];
-    let mut found = Vec::with_capacity(2);
-    for down in sides {
-        let mut columns = columns(volume, gas, frame, down, progress)?;
-        let least = (LEVEL_MM / volume.grid().spacing()[frame.left.axis]).ceil().max(3.0) as usize;
-        keep_level(&mut columns, least);
-        found.push((down, columns));
+    // Most patients lie on the back or the belly; their sides are only looked at where neither is sure.
+    let mut found = Vec::with_capacity(4);
+    for sides in [[frame.posterior, frame.posterior.back()], [frame.left, frame.left.back()]] {
+        for down in sides {
+            let mut columns = columns(volume, gas, frame, down, progress)?;
+            let across = across(frame, down);
+            let least = (LEVEL_MM / volume.grid().spacing()[across.axis]).ceil().max(3.0) as usize;
+            keep_level(&mut columns, least);
+            found.push((down, columns));
+        }
+        found.sort_by_key(|f| std::cmp::Reverse(f.1.len()));
+        if found[0].1.len() > found[1].1.len() * SURE {
+            break;
+        }
     }
-    found.sort_by_key(|f| std::cmp::Reverse(f.1.len()));
     let sure = found[0].1.len() >= SURE * found[1].1.len();
     let (down, columns) = found.swap_remove(0);
-    let pools = if sure { pools(volume.grid(), frame, columns) } else { Vec::new() };
+    let pools = if sure { pools(volume.grid(), frame, down, columns) } else { Vec::new() };
+    let surface: usize = pools.iter().map(|p| p.columns.len()).sum();
+    let told = surface as f64 * cell_mm2(volume.grid(), frame, down) >= TELLING_MM2;
     let mut flood = Flood::new(volume, gas, frame, down, pools.len());
     for (n, pool) in pools.iter().enumerate() {
         progress.check()?;
         flood.pool(n as u32, pool);
     }
-    flood.finish(&pools, count)
+    let fluid = flood.finish(&pools, count)?;
+    Ok(Fluid { down: told.then_some(down), ..fluid })
+}
+
+/// Returns the direction across the body that is level if `down` is down.
+fn across(frame: Frame, down: AxisDirection) -> AxisDirection {
+    if down.axis == frame.left.axis { frame.posterior } else { frame.left }
+}
+
+/// Returns the area of a column's end, mm².
+fn cell_mm2(grid: &Grid, frame: Frame, down: AxisDirection) -> f64 {
+    grid.spacing()[across(frame, down).axis] * grid.spacing()[frame.superior.axis]
 }
 
 /// Returns the columns of fluid under gas.
@@ -102,7 +125,7 @@ fn columns(volume: &Volume, gas: &Rows, frame: Frame, down: AxisDirection, progr
                 let along = |w: AxisDirection| at[w.axis] as u32;
                 out.push(Column {
                     slice: along(frame.superior),
-                    across: along(frame.left),
+                    across: along(across(frame, down)),
                     level: along(down),
                     label,
                     depth: depth as u32,
@@ -143,7 +166,7 @@ struct Pool {
     label: u32,
 }
 
-fn pools(grid: &Grid, frame: Frame, columns: Vec<Column>) -> Vec<Pool> {
+fn pools(grid: &Grid, frame: Frame, down: AxisDirection, columns: Vec<Column>) -> Vec<Pool> {
     let mut sets = Sets::new(columns.len());
     for (n, c) in columns.iter().enumerate() {
         // A neighbour may be missing where a bubble floats on the fluid, so look two voxels far.
@@ -165,7 +188,7 @@ fn pools(grid: &Grid, frame: Frame, columns: Vec<Column>) -> Vec<Pool> {
     for (c, set) in columns.into_iter().zip(of) {
         grouped[set as usize].push(c);
     }
-    let cell = grid.spacing()[frame.left.axis] * grid.spacing()[frame.superior.axis];
+    let cell = cell_mm2(grid, frame, down);
     let mut pools: Vec<Pool> = grouped
         .into_iter()
         .filter(|g| g.len() as f64 * cell >= SURFACE_MM2)
@@ -219,9 +242,10 @@ impl<'a> Flood<'a> {
         let grid = self.volume.grid();
         let step = self.down.step();
         // Measure depth from the patient's uppermost point in the world, so that a tilted grid also has level surfaces.
+        let world = usize::from(self.down.axis != self.frame.left.axis);
         let pull =
-            if (grid.to_world().matrix3.col(self.down.axis) * self.down.sign as f64).y < 0.0 { -1.0 } else { 1.0 };
-        let depth = |p: [i64; 3]| pull * grid.world(place(p)).y;
+            if (grid.to_world().matrix3.col(self.down.axis) * self.down.sign as f64)[world] < 0.0 { -1.0 } else { 1.0 };
+        let depth = |p: [i64; 3]| pull * grid.world(place(p))[world];
         let surface = pool.columns.iter().map(|c| depth(self.index(c))).fold(f64::INFINITY, f64::min) - 1e-6;
         let rim = 1 + self.reach[0].max(self.reach[1]).max(self.reach[2]);
         let mut open = VecDeque::new();
@@ -292,7 +316,7 @@ impl<'a> Flood<'a> {
     fn index(&self, c: &Column) -> [i64; 3] {
         let mut at = [0; 3];
         at[self.frame.superior.axis] = i64::from(c.slice);
-        at[self.frame.left.axis] = i64::from(c.across);
+        at[across(self.frame, self.down).axis] = i64::from(c.across);
         at[self.down.axis] = i64::from(c.level);
         at
     }
@@ -381,7 +405,7 @@ impl Flood<'_> {
                 }
             }
         }
-        Ok(Fluid { rows: rows.select(|pool| Some(pools[roots[pool as usize]].label)), joined })
+        Ok(Fluid { rows: rows.select(|pool| Some(pools[roots[pool as usize]].label)), joined, down: None })
     }
 }
 

@@ -31,6 +31,8 @@ pub(super) struct Node {
     pub clearance: f64,
     /// Label of the gas.
     pub label: u32,
+    /// Number of its voxels.
+    pub voxels: u32,
 }
 
 /// The coarse map.
@@ -86,7 +88,7 @@ impl Slice {
 impl Graph {
     /// Creates the map of labelled gas, in which runs of different labels never touch.
     pub(crate) fn of(grid: &Grid, rows: &Rows, progress: &Progress) -> Result<Self> {
-        let side: [usize; 3] = std::array::from_fn(|a| ((CELL_MM / grid.spacing()[a]).ceil() as usize).max(1));
+        let side = cell(grid);
         let [_, ny, nz] = rows.dims();
         let count = nz.div_ceil(side[2]);
         let (mut sums, mut links): (Vec<Sum>, Vec<(u32, u32)>) = Default::default();
@@ -128,7 +130,7 @@ impl Graph {
             .map(|(sum, n, label)| {
                 let fill = f64::from(n) / full;
                 let clearance = if fill < 1.0 { half * fill } else { f64::INFINITY };
-                Node { centre: grid.world(sum / f64::from(n)), clearance, label }
+                Node { centre: grid.world(sum / f64::from(n)), clearance, label, voxels: n }
             })
             .collect();
         let walls: Vec<(u32, f64)> =
@@ -137,6 +139,43 @@ impl Graph {
         for (node, d) in self.nodes.iter_mut().zip(distance) {
             node.clearance = if d.is_finite() { d } else { half };
         }
+    }
+
+    /// Returns the runs that the map was made of, labelled as its nodes are now.
+    ///
+    /// # Errors
+    /// Returns an error if cancelled, or if there are too many runs.
+    pub(crate) fn labelled(&self, grid: &Grid, rows: &Rows, progress: &Progress) -> Result<Rows> {
+        let side = cell(grid);
+        let dims @ [_, ny, nz] = rows.dims();
+        let mut out = Rows::from_slices(dims, Vec::new())?;
+        let mut base = 0;
+        for some in (0..nz.div_ceil(side[2])).collect::<Vec<_>>().chunks(SLABS) {
+            let slabs = some.par_iter().map(|s| {
+                progress.check()?;
+                Ok(slab_and_slices(rows, side, s * side[2]..((s + 1) * side[2]).min(nz)))
+            });
+            for (slab, slices) in slabs.collect::<Result<Vec<_>>>()? {
+                for slice in slices {
+                    let mut runs: Vec<Run> = Vec::with_capacity(slice.runs.len());
+                    let mut lengths = Vec::with_capacity(ny);
+                    for j in 0..ny {
+                        let before = runs.len();
+                        for r in slice.row(j) {
+                            let label = self.nodes[base + r.label as usize].label;
+                            match runs[before..].last_mut() {
+                                Some(last) if last.end == r.start && last.label == label => last.end = r.end,
+                                _ => runs.push(Run { label, ..*r }),
+                            }
+                        }
+                        lengths.push((runs.len() - before) as u32);
+                    }
+                    out.append((lengths, runs))?;
+                }
+                base += slab.sums.len();
+            }
+        }
+        Ok(out)
     }
 
     pub(crate) fn neighbours(&self, n: u32) -> &[u32] {
@@ -153,18 +192,33 @@ impl Graph {
         (0..self.nodes.len() as u32).filter(move |&n| self.nodes[n as usize].label == label)
     }
 
-    /// Returns the paths from `start` that keep away from walls.
+    /// Returns the paths from `start` that keep away from walls and within its label.
     pub(crate) fn ways(&self, start: u32) -> Ways {
         let weight = |a: u32, b: u32| {
-            let clear = (self.nodes[a as usize].clearance + self.nodes[b as usize].clearance) / 2.0;
+            let (a, b) = (&self.nodes[a as usize], &self.nodes[b as usize]);
+            if a.label != b.label {
+                return f64::INFINITY;
+            }
+            let clear = (a.clearance + b.clearance) / 2.0;
             1.0 + (NARROW_MM / clear.max(0.5)).powi(2)
         };
         self.neighbours.ways(start, None, |a, b| self.step(a, b), weight)
     }
 }
 
+/// Returns the voxels along each side of a cell.
+fn cell(grid: &Grid) -> [usize; 3] {
+    std::array::from_fn(|a| ((CELL_MM / grid.spacing()[a]).ceil() as usize).max(1))
+}
+
 /// Returns the layer of cells that consists of the slices `ks`.
 fn slab(rows: &Rows, side: [usize; 3], ks: Range<usize>) -> Slab {
+    let (slab, _) = slab_and_slices(rows, side, ks);
+    slab
+}
+
+/// Same as [`slab`], with all its slices, whose runs are labelled with the slab's nodes.
+fn slab_and_slices(rows: &Rows, side: [usize; 3], ks: Range<usize>) -> (Slab, Vec<Slice>) {
     let ny = rows.dims()[1];
     let mut slices: Vec<Slice> = Vec::with_capacity(ks.len());
     let mut count = 0;
@@ -215,7 +269,6 @@ fn slab(rows: &Rows, side: [usize; 3], ks: Range<usize>) -> Slab {
         .collect();
     links.sort_unstable();
     links.dedup();
-    let last = slices.pop().unwrap_or_default();
-    let first = if slices.is_empty() { last.clone() } else { slices.swap_remove(0) };
-    Slab { sums, links, faces: [first, last] }
+    let faces = [slices.first(), slices.last()].map(|s| s.cloned().unwrap_or_default());
+    (Slab { sums, links, faces }, slices)
 }

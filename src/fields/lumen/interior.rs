@@ -172,7 +172,7 @@ mod tests {
                 Rows::from_slices(grid.dims(), vec![(vec![1], vec![run])]).unwrap()
             };
             let (gas, fluid) = (rows(0, 4), rows(4, 8));
-            let lumen = Lumen { segments: Vec::new(), ordered: false, grid: grid.clone(), gas, fluid };
+            let lumen = Lumen::of_rows(&grid, gas, fluid);
             let interior = Interior::of_lumen(&volume, &lumen, -650.0, &Progress::new()).unwrap();
             assert_eq!(interior.set().len(), 8);
             assert_eq!(interior.crossing([7, 0, 0], [8, 0, 0]), Some(0.5), "{tag} HU");

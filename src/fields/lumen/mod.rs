@@ -13,8 +13,12 @@ pub(in crate::fields) mod frame;
 mod graph;
 mod grow;
 mod interior;
+mod judge;
+mod kinds;
+mod names;
 mod order;
 mod others;
+mod position;
 pub(in crate::fields) mod residue;
 pub(in crate::fields) mod runs;
 mod surface;
@@ -27,14 +31,17 @@ use rayon::prelude::*;
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
-use frame::Frame;
+use frame::{AxisDirection, Frame};
 use graph::Graph;
 use order::{Body, Link};
 use runs::Rows;
 
 pub use along::Along;
 pub use interior::Interior;
+pub use kinds::{Chain, Features, GasKind, Judged, Landmarks, RULES, Rule};
+pub use names::{NAMES, Names, Part};
 pub use others::{Other, Others, not_colon};
+pub use position::{Lying, PatientPosition};
 pub use residue::{Remnant, Residue, residue};
 pub use surface::WallPlace;
 
@@ -43,6 +50,8 @@ pub const GAS_HU: i16 = -650;
 /// Gas connects at or below this, HU: the foot of the opacity ramp. A one-voxel wall between two loops is blurred to a
 /// value in between and must not let the camera through.
 pub const CORE_HU: i16 = -800;
+/// Tissue is brighter than this, HU: between fat (−120) and lung.
+const TISSUE_HU: i16 = -300;
 /// Maximum growth of the gas from its core to the wall's middle, voxels.
 const GROWTH: usize = 3;
 /// Maximum distance of the lumen from a given point, mm.
@@ -68,6 +77,8 @@ pub struct Segment {
     pub joined_to: Vec<usize>,
     /// Length from end to end along the lumen, mm; accurate to about a tenth.
     pub length_mm: f64,
+    /// The coarse way from end to end, world, mm.
+    pub way: Vec<DVec3>,
 }
 
 /// The colon's interior.
@@ -77,10 +88,21 @@ pub struct Lumen {
     pub segments: Vec<Segment>,
     /// True if the segments form a reliable chain from rectum to cecum.
     pub ordered: bool,
+    /// What the larger pieces of other gas were taken for, the largest first.
+    pub others: Vec<Other>,
+    /// Landmarks of the patient, if the gas was judged.
+    pub landmarks: Option<Landmarks>,
+    /// How the patient lies, if levels of fluid or the table tell it.
+    pub lying: Option<Lying>,
     grid: Grid,
     gas: Rows,
     fluid: Rows,
+    /// Gas that looked like a colon's and was judged to be none, labelled with the number of its kind.
+    other: Rows,
 }
+
+/// A kind that the reader gave to the gas at a place (world, mm).
+pub type Told = (DVec3, GasKind);
 
 /// Finds the colon's gas, its segments, their ends and order. No seed point is needed. A scan without a colon has no
 /// segments, which is not an error.
@@ -100,13 +122,38 @@ pub struct Lumen {
 /// # Errors
 /// Returns an error if cancelled, or if the volume cannot be addressed.
 pub fn find(volume: &Volume, progress: &Progress) -> Result<Lumen> {
+    find_told(volume, &[], progress)
+}
+
+/// Same as [`find`], where the gas at some places has the kind that the reader gave to it.
+///
+/// # Errors
+/// As [`find`].
+pub fn find_told(volume: &Volume, told: &[Told], progress: &Progress) -> Result<Lumen> {
     progress.stage("finding the colon", volume.grid().dims()[2] as u64);
     let frame = Frame::of(volume.grid());
     let (rows, components) = runs::components_below(volume, CORE_HU, progress)?;
-    let chosen = choose::colon(volume, &rows, components, frame);
-    let core = rows.select(|c| chosen.iter().position(|&o| o == c).map(|n| n as u32));
+    let looked = choose::look(volume, &rows, components, frame);
+    let mut chosen = looked.colon();
+    for (at, kind) in told {
+        if let Some((label, _)) = ends::nearest(volume.grid(), &rows, *at, SNAP_MM, |_| true)
+            && *kind == GasKind::Colon
+            && !chosen.contains(&label)
+        {
+            chosen.push(label);
+        }
+    }
+    let mut others = looked.others(volume.grid(), &rows, &chosen);
+    let mut place = vec![None; components];
+    for (n, &c) in chosen.iter().enumerate() {
+        place[c as usize] = Some(n as u32);
+    }
+    let core = rows.select(|c| place[c as usize]);
     drop(rows);
-    lumen(volume, core, chosen.len(), frame, progress)
+    let mut lumen = judge::lumen(volume, core, chosen.len(), told, frame, progress)?;
+    lumen.others.append(&mut others);
+    lumen.others.sort_by(|a, b| b.ml.total_cmp(&a.ml));
+    Ok(lumen)
 }
 
 /// Finds the gas that contains `world` (mm) or is within 5 mm of it, whatever its size. Returns a lumen of one segment
@@ -129,61 +176,118 @@ pub fn gas_at(volume: &Volume, world: DVec3, progress: &Progress) -> Result<Opti
 
 /// Builds a lumen from the cores labelled 0 to `count` − 1, the largest first.
 fn lumen(volume: &Volume, core: Rows, count: usize, frame: Frame, progress: &Progress) -> Result<Lumen> {
-    let grid = volume.grid();
-    let graph = Graph::of(grid, &core, progress)?;
-    let gas = grow::grow(volume, core, GAS_HU, GROWTH, progress)?;
-    let (found, fluid) = rayon::join(
-        || {
-            (0..count as u32)
-                .into_par_iter()
-                .map(|label| {
-                    progress.check()?;
-                    Ok(ends::ends(grid, &gas, &graph, label))
-                })
-                .collect::<Result<Vec<_>>>()
-        },
-        || fluid::find(volume, &gas, count, frame, progress),
-    );
-    let (found, fluid) = (found?, fluid?);
-    drop(graph);
-    let mut segments = measured(grid, &gas, count);
-    for r in fluid.rows.runs() {
-        segments[r.label as usize].fluid_ml += f64::from(r.len()) * grid.voxel_ml();
+    let graph = Graph::of(volume.grid(), &core, progress)?;
+    let bodies = Bodies::of(volume, core, &graph, count, frame, progress)?;
+    Ok(bodies.into_lumen(volume, frame, None))
+}
+
+/// Bodies of gas with their fluid, ends and sizes.
+#[derive(Debug)]
+struct Bodies {
+    segments: Vec<Segment>,
+    /// Clearances along the way through each, mm.
+    clearances: Vec<Vec<f64>>,
+    gas: Rows,
+    fluid: Rows,
+    /// The direction of gravity, if levels of fluid tell it.
+    down: Option<AxisDirection>,
+}
+
+impl Bodies {
+    /// Measures the bodies whose cores are labelled 0 to `count` − 1 in `core` and in its map.
+    fn of(volume: &Volume, core: Rows, graph: &Graph, count: usize, frame: Frame, progress: &Progress) -> Result<Self> {
+        let grid = volume.grid();
+        let gas = grow::grow(volume, core, GAS_HU, GROWTH, progress)?;
+        let (found, fluid) = rayon::join(
+            || Self::ends(grid, &gas, graph, 0..count as u32, progress),
+            || fluid::find(volume, &gas, count, frame, progress),
+        );
+        let (found, fluid) = (found?, fluid?);
+        let (segments, clearances) = (measured(grid, &gas, count), vec![Vec::new(); count]);
+        let mut bodies = Self { segments, clearances, gas, fluid: fluid.rows, down: fluid.down };
+        for r in bodies.fluid.runs() {
+            bodies.segments[r.label as usize].fluid_ml += f64::from(r.len()) * grid.voxel_ml();
+        }
+        for (s, joined) in bodies.segments.iter_mut().zip(fluid.joined) {
+            s.joined_to = joined;
+        }
+        bodies.put_ends(found);
+        Ok(bodies)
     }
-    for (s, joined) in segments.iter_mut().zip(fluid.joined) {
-        s.joined_to = joined;
+
+    /// Finds the ends of some labels.
+    fn ends(
+        grid: &Grid,
+        gas: &Rows,
+        graph: &Graph,
+        labels: impl IntoParallelIterator<Item = u32>,
+        progress: &Progress,
+    ) -> Result<Vec<(u32, Option<ends::Ends>)>> {
+        let mut found = labels
+            .into_par_iter()
+            .map(|label| {
+                progress.check()?;
+                Ok((label, ends::ends(grid, gas, graph, label)))
+            })
+            .collect::<Result<Vec<_>>>()?;
+        found.sort_by_key(|f| f.0);
+        Ok(found)
     }
-    for (s, e) in segments.iter_mut().zip(found) {
-        // Every component has voxels, hence nodes, hence ends.
-        if let Some(e) = e {
-            (s.ends, s.length_mm) = (e.at, e.length_mm);
+
+    fn put_ends(&mut self, found: Vec<(u32, Option<ends::Ends>)>) {
+        for (label, e) in found {
+            // Every component has voxels, hence nodes, hence ends.
+            if let Some(e) = e {
+                let s = &mut self.segments[label as usize];
+                (s.ends, s.length_mm, s.way) = (e.at, e.length_mm, e.way);
+                self.clearances[label as usize] = e.clearances;
+            }
         }
     }
-    let lowest = segments.iter().map(|s| s.bounds_mm[0].z).fold(f64::INFINITY, f64::min);
-    let links: Vec<Link> = segments
-        .iter()
-        .map(|s| Link { ends: s.ends, length_mm: s.length_mm, joined_to: s.joined_to.clone() })
-        .collect();
-    let order = order::order(&links, &Body::of(volume, lowest));
-    let mut place = vec![0u32; count];
-    for (n, &(s, _)) in order.chain.iter().enumerate() {
-        place[s] = n as u32;
+
+    /// Returns z of the lowest gas, mm.
+    fn lowest(&self) -> f64 {
+        self.segments.iter().map(|s| s.bounds_mm[0].z).fold(f64::INFINITY, f64::min)
     }
-    let segments = order
-        .chain
-        .iter()
-        .map(|&(s, swapped)| {
-            let mut segment = segments[s].clone();
-            if swapped {
-                segment.ends.swap(0, 1);
-            }
-            segment.joined_to = segment.joined_to.iter().map(|&o| place[o] as usize).collect();
-            segment.joined_to.sort_unstable();
-            segment
-        })
-        .collect();
-    let [gas, fluid] = [gas, fluid.rows].map(|rows| rows.select(|label| Some(place[label as usize])));
-    Ok(Lumen { segments, ordered: order.trusted, grid: grid.clone(), gas, fluid })
+
+    /// Returns what the ordering needs of each body, with its worth, mm.
+    fn links(&self, worth_mm: impl Fn(usize) -> f64) -> Vec<Link> {
+        let link = |(n, s): (usize, &Segment)| Link {
+            ends: s.ends,
+            length_mm: s.length_mm,
+            joined_to: s.joined_to.clone(),
+            worth_mm: worth_mm(n),
+        };
+        self.segments.iter().enumerate().map(link).collect()
+    }
+
+    /// Orders the bodies from rectum to cecum.
+    fn into_lumen(self, volume: &Volume, frame: Frame, landmarks: Option<Landmarks>) -> Lumen {
+        let body = Body::of(volume, self.lowest());
+        let order = order::order(&self.links(|_| f64::INFINITY), &body);
+        let mut place = vec![0u32; self.segments.len()];
+        for (n, &(s, _)) in order.chain.iter().enumerate() {
+            place[s] = n as u32;
+        }
+        let segments = order
+            .chain
+            .iter()
+            .map(|&(s, swapped)| {
+                let mut segment = self.segments[s].clone();
+                if swapped {
+                    segment.ends.swap(0, 1);
+                    segment.way.reverse();
+                }
+                segment.joined_to = segment.joined_to.iter().map(|&o| place[o] as usize).collect();
+                segment.joined_to.sort_unstable();
+                segment
+            })
+            .collect();
+        let [gas, fluid] = [self.gas, self.fluid].map(|rows| rows.select(|label| Some(place[label as usize])));
+        let lying = position::lying(frame, self.down, landmarks.as_ref());
+        let ordered = order.trusted;
+        Lumen { segments, ordered, landmarks, lying, ..Lumen::of_rows(volume.grid(), gas, fluid) }
+    }
 }
 
 /// Returns volume and bounds of each label.
@@ -195,6 +299,7 @@ fn measured(grid: &Grid, gas: &Rows, count: usize) -> Vec<Segment> {
         ends: [DVec3::ZERO; 2],
         joined_to: Vec::new(),
         length_mm: 0.0,
+        way: Vec::new(),
     };
     let mut segments = vec![none; count];
     let mut voxels = vec![0u64; count];
@@ -216,7 +321,13 @@ impl Lumen {
     /// Creates an empty lumen, for a flight that is only replayed.
     pub fn none(grid: &Grid) -> Self {
         let rows = Rows::default();
-        Self { segments: Vec::new(), ordered: false, grid: grid.clone(), gas: rows.clone(), fluid: rows }
+        Self::of_rows(grid, rows.clone(), rows)
+    }
+
+    /// Creates a lumen of gas and fluid without segments.
+    fn of_rows(grid: &Grid, gas: Rows, fluid: Rows) -> Self {
+        let (segments, others, other) = (Vec::new(), Vec::new(), Rows::default());
+        Self { segments, ordered: false, others, landmarks: None, lying: None, grid: grid.clone(), gas, fluid, other }
     }
 
     /// Returns the segment whose gas contains a position (world, mm).
@@ -271,7 +382,7 @@ impl Lumen {
     #[must_use]
     pub fn into_part(self, first: [usize; 3], dims: [usize; 3]) -> Self {
         let [gas, fluid] = [&self.gas, &self.fluid].map(|rows| rows.part(first, dims));
-        Self { grid: self.grid.part(first, dims), gas, fluid, ..self }
+        Self { grid: self.grid.part(first, dims), gas, fluid, other: Rows::default(), ..self }
     }
 
     /// Returns the grid of the scan in which the lumen was found.
@@ -294,15 +405,45 @@ impl Lumen {
         (0..self.segments.len()).reduce(|a, b| if self.segments[b].ml > self.segments[a].ml { b } else { a })
     }
 
-    /// Returns the largest segment if it is a colon to fly through: long, and well filled with gas.
+    /// Returns the largest segment if it is a colon to fly through: long, well filled with gas, and not in a scan of the chest.
     pub fn main_segment(&self) -> Option<usize> {
-        let is_long = |s: usize| self.ordered || self.segments[s].length_mm >= FLYABLE_MM;
+        let is_abdomen = self.landmarks.as_ref().is_none_or(|l| !l.is_chest());
+        let is_long = |s: usize| self.ordered || is_abdomen && self.segments[s].length_mm >= FLYABLE_MM;
         self.largest().filter(|&s| is_long(s) && self.segments[s].ml >= FLYABLE_ML)
     }
 
     /// True if there is a colon to fly through without a start point.
     pub fn is_flyable(&self) -> bool {
         self.main_segment().is_some()
+    }
+
+    /// Returns the names of the colon's parts along its segments; empty if their order is not known.
+    pub fn names(&self) -> Names {
+        let way: Vec<DVec3> = self.segments.iter().flat_map(|s| &s.way).copied().collect();
+        match &self.landmarks {
+            Some(body) if self.ordered => Names::along(&way, body),
+            _ => Names::default(),
+        }
+    }
+
+    /// Describes the gas in the body for a reader who looks for a colon: what it was taken for, and what may be colon.
+    pub fn found(&self) -> String {
+        let kinds = [GasKind::Lung, GasKind::Trachea, GasKind::Stomach, GasKind::SmallBowel, GasKind::Unknown];
+        let ml = |kind| self.others.iter().filter(|o| o.kind == kind).map(|o| o.ml).sum::<f64>();
+        let taken = kinds.into_iter().map(|k| (k, ml(k))).filter(|k| k.1 >= 1.0);
+        let mut taken: Vec<String> = taken.map(|(k, ml)| format!("{} ({ml:.0} ml)", k.name())).collect();
+        if let Some(last) = taken.pop() {
+            let before = taken.join(", ");
+            taken = vec![if before.is_empty() { last } else { format!("{before} and {last}") }];
+        }
+        let largest = self.largest().map(|s| &self.segments[s]);
+        let colon = largest.map(|s| format!("the largest that may be colon is {:.0} ml and {:.0} mm long", s.ml, s.length_mm));
+        match (taken.first(), colon) {
+            (None, None) => "no gas in the body that looks like a colon's".to_owned(),
+            (None, Some(colon)) => colon,
+            (Some(taken), None) => format!("the gas in the body was taken for {taken}"),
+            (Some(taken), Some(colon)) => format!("the gas in the body was taken for {taken}, and {colon}"),
+        }
     }
 
     /// Returns the volume of all gas, ml.
@@ -317,6 +458,6 @@ impl Lumen {
 
     /// Returns the size in memory, bytes.
     pub fn bytes(&self) -> usize {
-        self.gas.bytes() + self.fluid.bytes() + self.segments.capacity() * size_of::<Segment>()
+        self.gas.bytes() + self.fluid.bytes() + self.other.bytes() + self.segments.capacity() * size_of::<Segment>()
     }
 }

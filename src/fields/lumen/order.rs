@@ -8,6 +8,8 @@ use crate::volume::{Grid, Volume};
 const ORDERED_AT_MOST: usize = 9;
 /// Cost of a millimetre between two segments joined by tagged fluid.
 const FLUID_GAP: f64 = 0.3;
+/// A gap of this length costs twice its millimetres: colon collapses over a few centimetres, seldom over more.
+const DEAR_GAP_MM: f64 = 80.0;
 /// For a trusted order: minimum distance of the cecum to the right of the midline, mm.
 const CECUM_RIGHT_MM: f64 = 20.0;
 /// For a trusted order: maximum distance of the rectum from the midline, mm.
@@ -73,27 +75,35 @@ pub(super) struct Link {
     pub ends: [DVec3; 2],
     pub length_mm: f64,
     pub joined_to: Vec<usize>,
+    /// Worth of passing it, mm: how much longer a chain may be that does. Infinite if it must be passed.
+    pub worth_mm: f64,
 }
 
 /// An order of segments.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct SegmentOrder {
-    /// (segment, true if its ends must be swapped so that the rectal one comes first).
+    /// (segment, true if its ends must be swapped so that the rectal one comes first); those that the chain does not pass come
+    /// last.
     pub chain: Vec<(usize, bool)>,
+    /// Number of segments that the chain passes.
+    pub passed: usize,
     /// True if the chain reliably runs from rectum to cecum.
     pub trusted: bool,
+    /// Length of the chain with its gaps, mm.
+    pub length_mm: f64,
 }
 
 /// Returns the cheapest chain of the segments (given by volume, the largest first) from rectum to cecum.
 ///
-/// Each is passed once, in either direction. The first end's position, the gaps and the last end's position have a
-/// cost. Exact, by dynamic programming over subsets (Held and Karp 1962).
+/// Each is passed at most once, in either direction; leaving one out costs its worth. The first end's position, the gaps and the
+/// last end's position have a cost. Exact, by dynamic programming over subsets (Held and Karp 1962).
 pub(super) fn order(links: &[Link], body: &Body) -> SegmentOrder {
     let n = links.len().min(ORDERED_AT_MOST);
     let entry = |s: usize, swapped: bool| links[s].ends[usize::from(swapped)];
     let exit = |s: usize, swapped: bool| links[s].ends[usize::from(!swapped)];
     let gap = |a: usize, b: usize, from: DVec3, to: DVec3| {
-        from.distance(to) * if links[a].joined_to.contains(&b) { FLUID_GAP } else { 1.0 }
+        let mm = from.distance(to);
+        if links[a].joined_to.contains(&b) { FLUID_GAP * mm } else { mm * (1.0 + mm / DEAR_GAP_MM) }
     };
     // best[set][state]: least cost of passing `set` and ending in `state` (segment and direction), and the previous
     // state.
@@ -114,24 +124,45 @@ pub(super) fn order(links: &[Link], body: &Body) -> SegmentOrder {
             }
         }
     }
+    let must: usize = (0..n).filter(|&s| links[s].worth_mm == f64::INFINITY).map(|s| 1 << s).sum();
+    let worth = |set: usize| -> f64 {
+        (0..n).filter(|s| set >> s & 1 == 1 && must >> s & 1 == 0).map(|s| links[s].worth_mm).sum()
+    };
+    // The cheapest end of the cheapest set; the larger set of two equal ones.
+    let mut end: Option<(f64, usize, usize)> = None;
+    for set in (1..1usize << n).rev().filter(|set| set & must == must) {
+        let worth = worth(set);
+        for s in (0..states).filter(|s| set >> (s / 2) & 1 == 1) {
+            let total = best[set * states + s].0 + body.unlike_cecum(exit(s / 2, s % 2 == 1)) - worth;
+            if end.is_none_or(|e| total < e.0) {
+                end = Some((total, set, s));
+            }
+        }
+    }
     let mut chain = Vec::new();
-    let mut set = (1usize << n) - 1;
-    let total = |s: usize| best[set * states + s].0 + body.unlike_cecum(exit(s / 2, s % 2 == 1));
-    let mut at = (0..states).reduce(|a, b| if total(b) < total(a) { b } else { a });
-    while let Some(s) = at {
+    let mut at = end.map(|e| (e.1, e.2));
+    while let Some((set, s)) = at {
         chain.push((s / 2, s % 2 == 1));
-        at = Some(best[set * states + s].1).filter(|&b| b != usize::MAX);
-        set &= !(1 << (s / 2));
+        at = Some(best[set * states + s].1).filter(|&b| b != usize::MAX).map(|b| (set & !(1 << (s / 2)), b));
     }
     chain.reverse();
-    let trusted = n == links.len() && is_colon(links, &chain, body);
+    let (passed, length_mm) = (chain.len(), length(links, &chain));
+    let every = (0..links.len()).all(|s| links[s].worth_mm < f64::INFINITY || chain.iter().any(|c| c.0 == s));
+    let trusted = every && is_colon(links, &chain, body);
     if !trusted {
         chain.sort_by_key(|c| c.0);
     }
-    let rest =
-        (n..links.len()).map(|s| (s, body.unlike_rectum(links[s].ends[1]) < body.unlike_rectum(links[s].ends[0])));
-    chain.extend(rest);
-    SegmentOrder { chain, trusted }
+    let likely = |s: usize| body.unlike_rectum(links[s].ends[1]) < body.unlike_rectum(links[s].ends[0]);
+    let rest: Vec<usize> = (0..links.len()).filter(|s| chain.iter().all(|c| c.0 != *s)).collect();
+    chain.extend(rest.into_iter().map(|s| (s, likely(s))));
+    SegmentOrder { chain, passed, trusted, length_mm }
+}
+
+/// Returns the length of a chain with its gaps, mm.
+fn length(links: &[Link], chain: &[(usize, bool)]) -> f64 {
+    let end = |c: &(usize, bool), last: bool| links[c.0].ends[usize::from(c.1 != last)];
+    let gaps: f64 = chain.windows(2).map(|w| end(&w[0], true).distance(end(&w[1], false))).sum();
+    chain.iter().map(|c| links[c.0].length_mm).sum::<f64>() + gaps
 }
 
 fn is_colon(links: &[Link], chain: &[(usize, bool)], body: &Body) -> bool {
@@ -139,13 +170,12 @@ fn is_colon(links: &[Link], chain: &[(usize, bool)], body: &Body) -> bool {
     let (Some(first), Some(last)) = (chain.first(), chain.last()) else { return false };
     let (rectum, cecum) = (end(first, false), end(last, true));
     let gaps: Vec<f64> = chain.windows(2).map(|w| end(&w[0], true).distance(end(&w[1], false))).collect();
-    let length = links.iter().map(|l| l.length_mm).sum::<f64>() + gaps.iter().sum::<f64>();
     (rectum.x - body.centre.x).abs() <= RECTUM_ASIDE_MM
         && rectum.z <= cecum.z
         && rectum.z <= body.span[0] + RECTUM_HEIGHT * (body.span[1] - body.span[0])
         && cecum.x <= body.centre.x - CECUM_RIGHT_MM
         && gaps.iter().all(|&g| g <= WIDEST_GAP_MM)
-        && length >= LEAST_COLON_MM
+        && length(links, chain) >= LEAST_COLON_MM
 }
 
 #[cfg(test)]
@@ -158,7 +188,7 @@ mod tests {
     const BODY: Body = Body { centre: DVec3::ZERO, span: [-200.0, 200.0], lowest: -150.0 };
 
     fn trusted(rectum: DVec3, cecum: DVec3, length_mm: f64) -> bool {
-        let links = [Link { ends: [rectum, cecum], length_mm, joined_to: Vec::new() }];
+        let links = [Link { ends: [rectum, cecum], length_mm, joined_to: Vec::new(), worth_mm: f64::INFINITY }];
         is_colon(&links, &[(0, false)], &BODY)
     }
 

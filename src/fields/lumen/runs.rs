@@ -77,7 +77,7 @@ impl Rows {
     }
 
     /// Adds the next slice.
-    fn append(&mut self, (lengths, runs): (Vec<u32>, Vec<Run>)) -> Result<()> {
+    pub(super) fn append(&mut self, (lengths, runs): (Vec<u32>, Vec<Run>)) -> Result<()> {
         let Ok(mut at) = u32::try_from(self.runs.len()) else { return Err(too_many()) };
         if u32::try_from(self.runs.len() + runs.len()).is_err() {
             return Err(too_many());
@@ -193,6 +193,24 @@ impl Rows {
                 keep(n, run).map(|label| Run { label, ..run })
             });
             out.runs.extend(kept);
+            out.offsets.push(out.runs.len() as u32);
+        }
+        out.runs.shrink_to_fit();
+        out
+    }
+
+    /// Joins runs of one label that follow each other without a gap.
+    pub(crate) fn joined(&self) -> Self {
+        let mut out = Self { dims: self.dims, offsets: Vec::with_capacity(self.offsets.len()), runs: Vec::new() };
+        out.offsets.push(0);
+        for row in self.offsets.windows(2) {
+            let first = out.runs.len();
+            for &run in &self.runs[row[0] as usize..row[1] as usize] {
+                match out.runs[first..].last_mut() {
+                    Some(last) if last.end == run.start && last.label == run.label => last.end = run.end,
+                    _ => out.runs.push(run),
+                }
+            }
             out.offsets.push(out.runs.len() as u32);
         }
         out.runs.shrink_to_fit();

@@ -428,7 +428,7 @@ fn a_large_lumen_has_the_area_of_its_wall() {
     };
     let gas = Rows::from_slices(dims, (0..130).map(slice).collect()).unwrap();
     let grid = Grid::new(dims, DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
-    let lumen = Lumen { segments: Vec::new(), ordered: false, grid, gas, fluid: Rows::default() };
+    let lumen = Lumen::of_rows(&grid, gas, Rows::default());
     let places = lumen.wall_places(&[0]);
     let truth = 2.0 * (2.0 * 130.0 * 128.0 + 128.0 * 128.0);
     let area: f64 = places.iter().map(|p| p.mm2).sum();

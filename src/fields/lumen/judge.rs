@@ -1,0 +1,191 @@
+//! Judgement of the bodies of gas that may be colon, and the lumen of those that are.
+
+use super::frame::Frame;
+use super::graph::Graph;
+use super::kinds::rules::{self, Chain};
+use super::kinds::{Features, GasKind, Judged, Landmarks, features, necks};
+use super::others::Other;
+use super::runs::{Rows, Sets, touching};
+use super::{Bodies, Body, Lumen, SNAP_MM, Told, ends, measured, order};
+use crate::error::Result;
+use crate::progress::Progress;
+use crate::volume::Volume;
+
+/// Length of a chain that is a whole colon, mm, in an adult: three standard deviations below the mean of two studies (Khashab 2009,
+/// Utano 2021).
+const WHOLE_MM: f64 = 950.0;
+/// Worth of a body about which nothing speaks for or against the colon, mm of a chain …
+const WORTH_MM: f64 = 40.0;
+/// … and of each unit of evidence.
+const EVIDENCE_MM: f64 = 40.0;
+
+/// Builds the lumen from the cores labelled 0 to `count` − 1: judges each body, or its parts if narrow passages divide it, and keeps
+/// what is colon or may be.
+pub(super) fn lumen(
+    volume: &Volume,
+    core: Rows,
+    count: usize,
+    told: &[Told],
+    frame: Frame,
+    progress: &Progress,
+) -> Result<Lumen> {
+    let grid = volume.grid();
+    let landmarks = Landmarks::of(volume, frame);
+    let mut graph = Graph::of(grid, &core, progress)?;
+    let former = match &landmarks {
+        Some(_) => necks::part(&mut graph, count, grid.voxel_ml()),
+        None => (0..count as u32).collect(),
+    };
+    let is_divided = former.len() > count;
+    let core = if is_divided { graph.labelled(grid, &core, progress)? } else { core };
+    let mut bodies = Bodies::of(volume, core, &graph, former.len(), frame, progress)?;
+    let Some(landmarks) = landmarks else { return Ok(bodies.into_lumen(volume, frame, None)) };
+    let (judged, features) = judge(volume, &bodies, told, &landmarks);
+    // Parts that touch and are both colon become one again.
+    let mut sets = Sets::new(former.len());
+    if is_divided {
+        touching_labels(&bodies.gas, |a, b| {
+            if judged[a as usize].is_lumen && judged[b as usize].is_lumen {
+                sets.join(a, b);
+            }
+        });
+    }
+    let (set, _) = sets.numbered();
+    // The bodies that stay, by volume, the largest first.
+    let mut ml = vec![0.0; former.len()];
+    for (n, s) in bodies.segments.iter().enumerate().filter(|(n, _)| judged[*n].is_lumen) {
+        ml[set[n] as usize] += s.ml;
+    }
+    let mut kept: Vec<u32> = (0..former.len() as u32).filter(|&s| ml[s as usize] > 0.0).collect();
+    kept.sort_by(|&a, &b| ml[b as usize].total_cmp(&ml[a as usize]).then(a.cmp(&b)));
+    let label_of = |n: usize| {
+        let place = kept.iter().position(|&s| s == set[n]).filter(|_| judged[n].is_lumen);
+        place.map(|p| p as u32)
+    };
+    let label: Vec<Option<u32>> = (0..former.len()).map(label_of).collect();
+    let other = bodies.gas.select(|n| label[n as usize].is_none().then(|| judged[n as usize].kind.number() as u32));
+    let mut others: Vec<Other> = Vec::new();
+    for (n, s) in bodies.segments.iter().enumerate().filter(|(n, _)| label[*n].is_none()) {
+        let Judged { kind, why, .. } = judged[n];
+        others.push(Other {
+            ml: s.ml,
+            kind,
+            why,
+            bounds_mm: s.bounds_mm,
+            is_judged: true,
+            features: Some(features[n]),
+        });
+    }
+    if is_divided || !others.is_empty() {
+        bodies = bodies.relabelled(volume, &mut graph, &label, kept.len(), progress)?;
+    }
+    let mut lumen = bodies.into_lumen(volume, frame, Some(landmarks));
+    (lumen.others, lumen.other) = (others, other);
+    Ok(lumen)
+}
+
+/// Judges the bodies: first each by itself, then by the cheapest chain.
+fn judge(volume: &Volume, bodies: &Bodies, told: &[Told], landmarks: &Landmarks) -> (Vec<Judged>, Vec<Features>) {
+    let count = bodies.segments.len();
+    let surfaces = features::surfaces(volume.grid(), &bodies.gas, count);
+    let features: Vec<Features> = (0..count)
+        .map(|n| features::measure(&bodies.segments, n, &bodies.clearances[n], surfaces[n], landmarks))
+        .collect();
+    let worth = |n: usize| WORTH_MM + EVIDENCE_MM * rules::for_colon(&features[n]);
+    let scale = landmarks.scale();
+    let body = Body::of(volume, bodies.lowest());
+    let order = order::order(&bodies.links(worth), &body);
+    let links = &order.chain[..order.passed];
+    let is_whole = order.trusted && order.length_mm >= WHOLE_MM * scale;
+    let chain = |n: usize| match links.iter().any(|l| l.0 == n) {
+        true if order.trusted => Chain::Link,
+        false if is_whole => Chain::Spare,
+        _ => Chain::Unknown,
+    };
+    let mut judged: Vec<Judged> = (0..count).map(|n| rules::judge(&features[n], chain(n), None)).collect();
+    for &(at, kind) in told {
+        if let Some((n, _)) = ends::nearest(volume.grid(), &bodies.gas, at, SNAP_MM, |_| true) {
+            judged[n as usize] = Judged { kind, why: "the reader said so", is_lumen: kind == GasKind::Colon };
+        }
+    }
+    if std::env::var_os("COLVIS_KINDS").is_some() {
+        eprintln!("{landmarks:?} chain {:?} trusted {} {:.0}", links, order.trusted, order.length_mm);
+        for n in 0..count {
+            let s = &bodies.segments[n];
+            eprintln!(
+                "{n} {:.0} ml {:.0?} {:?} worth {:.0} {:?} {:?}",
+                s.ml,
+                s.ends,
+                judged[n],
+                worth(n),
+                rules::weigh(&features[n], chain(n), None),
+                features[n]
+            );
+        }
+    }
+    (judged, features)
+}
+
+impl Bodies {
+    /// Gives the bodies new labels, 0 to `count` − 1; drops those without. Bodies with one label become one.
+    fn relabelled(
+        self,
+        volume: &Volume,
+        graph: &mut Graph,
+        label: &[Option<u32>],
+        count: usize,
+        progress: &Progress,
+    ) -> Result<Self> {
+        let grid = volume.grid();
+        for node in &mut graph.nodes {
+            // What is dropped gets a label that nothing asks for.
+            node.label = label[node.label as usize].unwrap_or(u32::MAX);
+        }
+        let gas = self.gas.select(|n| label[n as usize]).joined();
+        let fluid = self.fluid.select(|n| label[n as usize]).joined();
+        let mut parts = vec![Vec::new(); count];
+        for (n, l) in label.iter().enumerate() {
+            if let Some(l) = l {
+                parts[*l as usize].push(n);
+            }
+        }
+        let mut segments = measured(grid, &gas, count);
+        let mut clearances = vec![Vec::new(); count];
+        for (l, parts) in parts.iter().enumerate() {
+            let s = &mut segments[l];
+            s.fluid_ml = parts.iter().map(|&n| self.segments[n].fluid_ml).sum();
+            let joined = parts.iter().flat_map(|&n| &self.segments[n].joined_to).filter_map(|&o| label[o]);
+            s.joined_to = joined.map(|o| o as usize).filter(|&o| o != l).collect();
+            s.joined_to.sort_unstable();
+            s.joined_to.dedup();
+            if let [n] = parts[..] {
+                let from = &self.segments[n];
+                (s.ends, s.length_mm, s.way) = (from.ends, from.length_mm, from.way.clone());
+                clearances[l].clone_from(&self.clearances[n]);
+            }
+        }
+        let mut bodies = Self { segments, clearances, gas, fluid, down: self.down };
+        let whole: Vec<u32> = (0..count as u32).filter(|&l| parts[l as usize].len() > 1).collect();
+        let found = Self::ends(grid, &bodies.gas, graph, whole, progress)?;
+        bodies.put_ends(found);
+        Ok(bodies)
+    }
+}
+
+/// Calls `f` with every two different labels whose runs touch, possibly often.
+fn touching_labels(rows: &Rows, mut f: impl FnMut(u32, u32)) {
+    let [_, ny, nz] = rows.dims();
+    for (j, k) in (0..nz).flat_map(|k| (0..ny).map(move |j| (j, k))) {
+        let own = rows.row(j, k);
+        for w in own.windows(2).filter(|w| w[0].end == w[1].start && w[0].label != w[1].label) {
+            f(w[0].label, w[1].label);
+        }
+        for other in [(j > 0).then(|| rows.row(j - 1, k)), (k > 0).then(|| rows.row(j, k - 1))].into_iter().flatten() {
+            touching(other, own, |a, b| {
+                if other[a].label != own[b].label {
+                    f(other[a].label, own[b].label);
+                }
+            });
+        }
+    }
+}

@@ -1,0 +1,207 @@
+//! Names of the colon's parts along its way from rectum to cecum.
+//!
+//! The two flexures are the highest places on the left and on the right; around each, the part is called a flexure as long as the
+//! way bends. The descending colon begins where the way turns upwards in the left flank, and the rectum ends where the way leaves
+//! the hollow of the sacrum. Each junction has an uncertainty: half the distance between where a strict and a lenient threshold put
+//! it, and no less than the coarse map's.
+
+use std::ops::Range;
+
+use glam::DVec3;
+
+use super::kinds::Landmarks;
+
+/// Distance between the places on the way that are looked at, mm.
+const STEP_MM: f64 = 4.0;
+/// Half the length over which the way's direction is taken, mm, in an adult.
+const SMOOTH_MM: f64 = 18.0;
+/// A flexure lies at least this far from the midline, as a share of half the body's width.
+const ASIDE: f64 = 0.2;
+/// How much higher a place 1 mm farther to the side counts, mm.
+const SIDE_WORTH: f64 = 0.3;
+/// Slope of the way, as the vertical share of its direction, at which a flexure begins and ends, and its tolerance.
+const FLEXURE: [f64; 2] = [0.55, 0.15];
+/// A flexure reaches at most this far from its highest place, mm, in an adult.
+const FLEXURE_MM: f64 = 60.0;
+/// Slope of the way where the descending colon begins, and its tolerance.
+const DESCENDING: [f64; 2] = [0.8, 0.1];
+/// Length of the rectum, mm, in an adult: least, usual and most.
+const RECTUM_MM: [f64; 3] = [120.0, 155.0, 200.0];
+/// Length of the cecum up to the centre of the last ball, mm, in an adult, and its tolerance.
+const CECUM_MM: [f64; 2] = [32.0, 15.0];
+/// Minimum uncertainty of a junction, mm.
+const LEAST_MM: f64 = 8.0;
+
+/// The names, from rectum to cecum.
+pub const NAMES: [&str; 8] =
+    ["rectum", "sigmoid", "descending", "splenic flexure", "transverse", "hepatic flexure", "ascending", "cecum"];
+
+/// A part of the colon.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Part {
+    /// Its name, one of [`NAMES`].
+    pub name: &'static str,
+    /// Where it begins along the way from the rectal end, mm.
+    pub from_mm: f64,
+    /// Where it ends, mm.
+    pub to_mm: f64,
+    /// Uncertainty of where it ends, mm; 0 at the end of the way.
+    pub uncertainty_mm: f64,
+}
+
+/// The parts of a colon along a way.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Names {
+    /// The parts, without gaps; empty if the way is not known from rectum to cecum.
+    pub parts: Vec<Part>,
+    /// Places on the way (world, mm), and how far along each is, mm.
+    way: Vec<(DVec3, f64)>,
+}
+
+impl Names {
+    /// Names the parts along a way from rectum to cecum, world, mm.
+    pub fn along(way: &[DVec3], body: &Landmarks) -> Self {
+        let way = evenly(way);
+        let Some(junctions) = Course { way: &way, body }.junctions() else { return Self::default() };
+        let length = way.last().map_or(0.0, |w| w.1);
+        let mut parts = Vec::with_capacity(NAMES.len());
+        let mut from_mm = 0.0;
+        for (n, name) in NAMES.into_iter().enumerate() {
+            let (to_mm, uncertainty_mm) = junctions.get(n).copied().unwrap_or((length, 0.0));
+            parts.push(Part { name, from_mm, to_mm, uncertainty_mm });
+            from_mm = to_mm;
+        }
+        Self { parts, way }
+    }
+
+    /// Returns the part nearest to a place (world, mm); `None` if the parts are not known.
+    pub fn at(&self, world: DVec3) -> Option<Part> {
+        let square = |w: &&(DVec3, f64)| w.0.distance_squared(world);
+        let nearest = self.way.iter().min_by(|a, b| square(a).total_cmp(&square(b)))?;
+        self.parts.iter().find(|p| nearest.1 <= p.to_mm).or(self.parts.last()).copied()
+    }
+
+    /// Returns the same parts with their limits along another line through the same colon, from rectum to cecum.
+    pub fn on(&self, line: &[DVec3]) -> Vec<Part> {
+        let other = evenly(line);
+        let place = |mm: f64| {
+            let at = self.way.partition_point(|w| w.1 < mm).min(self.way.len().saturating_sub(1));
+            let from = self.way.get(at).map_or(DVec3::ZERO, |w| w.0);
+            let square = |w: &&(DVec3, f64)| w.0.distance_squared(from);
+            other.iter().min_by(|a, b| square(a).total_cmp(&square(b))).map_or(0.0, |w| w.1)
+        };
+        let end = other.last().map_or(0.0, |w| w.1);
+        let mut from_mm = 0.0;
+        let mut parts = Vec::with_capacity(self.parts.len());
+        for (n, p) in self.parts.iter().enumerate() {
+            let to_mm = if n + 1 == self.parts.len() { end } else { place(p.to_mm).max(from_mm) };
+            // A line through a part of the colon has only some of its names.
+            if to_mm > from_mm {
+                parts.push(Part { from_mm, to_mm, ..*p });
+            }
+            from_mm = to_mm;
+        }
+        parts
+    }
+}
+
+/// Returns places every few mm along a way, with how far along each is.
+fn evenly(way: &[DVec3]) -> Vec<(DVec3, f64)> {
+    let mut out: Vec<(DVec3, f64)> = way.first().map(|&p| (p, 0.0)).into_iter().collect();
+    let mut along = 0.0;
+    for w in way.windows(2) {
+        let length = w[0].distance(w[1]);
+        while let Some(last) = out.last().copied().filter(|l| l.1 + STEP_MM <= along + length) {
+            let mm = last.1 + STEP_MM;
+            out.push((w[0].lerp(w[1], (mm - along) / length.max(1e-9)), mm));
+        }
+        along += length;
+    }
+    if let Some((&end, last)) = way.last().zip(out.last().copied())
+        && along > last.1
+    {
+        out.push((end, along));
+    }
+    out
+}
+
+/// A way through a body.
+struct Course<'a> {
+    way: &'a [(DVec3, f64)],
+    body: &'a Landmarks,
+}
+
+impl Course<'_> {
+    /// Returns the vertical share of the way's direction at place `n`: 1 straight up, −1 straight down.
+    fn slope(&self, n: usize) -> f64 {
+        let reach = (SMOOTH_MM * self.body.scale() / STEP_MM).ceil() as usize;
+        let (a, b) = (n.saturating_sub(reach), (n + reach).min(self.way.len() - 1));
+        let d = self.way[b].0 - self.way[a].0;
+        d.z / d.length().max(1e-9)
+    }
+
+    /// Returns the highest place on one side: `side` is 1 on the left, −1 on the right.
+    fn highest(&self, among: Range<usize>, side: f64) -> Option<usize> {
+        let worth = |n: usize| {
+            let p = self.way[n].0;
+            p.z + SIDE_WORTH * side * (p.x - self.body.midline)
+        };
+        let aside = among.filter(|&n| side * self.body.aside(self.way[n].0) > ASIDE);
+        aside.reduce(|a, b| if worth(b) > worth(a) { b } else { a })
+    }
+
+    /// Returns where the slope, times `sign`, first exceeds `limit` from place `from` on in steps of `step`, at most to `last`.
+    fn first(&self, from: usize, step: isize, last: usize, sign: f64, limit: f64) -> usize {
+        let mut n = from;
+        while n != last && sign * self.slope(n) < limit {
+            n = n.saturating_add_signed(step);
+        }
+        n
+    }
+
+    /// Returns a junction between a strict and a lenient limit: how far along, and its uncertainty, mm.
+    fn between(&self, find: impl Fn(f64) -> usize, [limit, slack]: [f64; 2]) -> (f64, f64) {
+        let at = |limit: f64| self.way[find(limit)].1;
+        let spread = 0.5 * (at(limit + slack) - at(limit - slack)).abs();
+        (at(limit), spread.max(LEAST_MM))
+    }
+
+    /// Returns the seven junctions in order: how far along, and the uncertainty, mm.
+    fn junctions(&self) -> Option<[(f64, f64); 7]> {
+        let (scale, last) = (self.body.scale(), self.way.len().checked_sub(1)?);
+        let length = self.way[last].1;
+        let steps = |mm: f64| (mm * scale / STEP_MM).round() as usize;
+        // The splenic flexure is the first to be reached, and left of the hepatic one.
+        let right = self.highest(0..last + 1, -1.0)?;
+        let left = self.highest(0..right, 1.0)?;
+        let right = self.highest(left..last + 1, -1.0)?;
+        let reach = steps(FLEXURE_MM);
+        let flexure = |top: usize| {
+            let begins = self.between(|l| self.first(top, -1, top.saturating_sub(reach), 1.0, l), FLEXURE);
+            let ends = self.between(|l| self.first(top, 1, (top + reach).min(last), -1.0, l), FLEXURE);
+            [begins, ends]
+        };
+        let ([splenic, transverse], [hepatic, ascending]) = (flexure(left), flexure(right));
+        // Down the left flank from where the flexure begins.
+        let upright = self.way.partition_point(|w| w.1 < splenic.0).saturating_sub(1);
+        let lowest = self.way.partition_point(|w| w.1 < RECTUM_MM[0] * scale).min(upright);
+        let in_flank = |n: usize| self.body.aside(self.way[n].0) > ASIDE;
+        let foot = |limit: f64| {
+            let mut n = upright;
+            while n > lowest && in_flank(n) && (self.slope(n) >= limit || n + steps(20.0) > upright) {
+                n -= 1;
+            }
+            n
+        };
+        let descending = self.between(foot, DESCENDING);
+        // The rectum ends where the way turns forward most, within its usual length.
+        let sharpest = RECTUM_MM[1] * scale;
+        let sigmoid = (sharpest.min(descending.0), 0.25 * (RECTUM_MM[2] - RECTUM_MM[0]) * scale);
+        let cecum = ((length - CECUM_MM[0] * scale).max(ascending.0), CECUM_MM[1] * scale);
+        let mut all = [sigmoid, descending, splenic, transverse, hepatic, ascending, cecum];
+        for n in 1..all.len() {
+            all[n].0 = all[n].0.max(all[n - 1].0);
+        }
+        Some(all)
+    }
+}
