@@ -103,7 +103,7 @@ impl FileList {
             ui.separator();
             ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
                 if let Some(path) = opening.filter(|_| !series.is_empty()) {
-                    let number = SeriesList::at(&mut self.series, path).to_choose(series, ui);
+                    let number = SeriesList::at(&mut self.series, path).choose(series, ui);
                     chosen = number.map(|n| Request::Open(path.to_owned(), Some(n)));
                     ui.separator();
                 }

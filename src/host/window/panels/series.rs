@@ -92,7 +92,7 @@ impl SeriesList {
 
     /// Lays out the list in the place of a scan that could not be opened. `lines` are shown until the study is read. Returns the
     /// number of the series that was chosen.
-    pub(super) fn to_choose(&mut self, lines: &[String], ui: &mut Ui) -> Option<usize> {
+    pub(super) fn choose(&mut self, lines: &[String], ui: &mut Ui) -> Option<usize> {
         self.poll(ui);
         let known = self.study().is_some_and(|s| s.series.len() == lines.len());
         if known {
