@@ -148,8 +148,8 @@ impl SeriesList {
                 }
                 _ => frame(&p, rect, &s.modality),
             }
-            words(&p, rect.left_top() + vec2(PICTURE + 11.0, 4.0), s, &study.series, is_open);
-            let row = row.on_hover_text(details(s));
+            words(&p, rect.left_top() + vec2(PICTURE + 11.0, 1.0), s, &study.series, is_open);
+            let row = row.on_hover_text(details(s, &study.series));
             if row.clicked() {
                 chosen = Some(s.number);
             }
@@ -197,7 +197,7 @@ fn draw(p: &Painter, rect: Rect, texture: &TextureHandle, usable: bool) {
     p.image(texture.id(), at, Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)), tint);
 }
 
-/// Draws what is known of a series in three lines. The painter cuts off what is too long.
+/// Draws what is known of a series, line by line. The painter cuts off what is too long.
 fn words(p: &Painter, at: Pos2, s: &Series, list: &[Series], is_open: bool) {
     let (ink, soft) = if s.why.is_none() { (INK, SOFT) } else { (GREY, GREY) };
     let number = text(p, at, Align2::LEFT_TOP, &s.number.to_string(), 17.0, ink);
@@ -206,36 +206,41 @@ fn words(p: &Painter, at: Pos2, s: &Series, list: &[Series], is_open: bool) {
     if is_open {
         text(p, pos2(head.max.x + 8.0, head.max.y), Align2::LEFT_BOTTOM, "open", TEXT, ACCENT);
     }
-    let line = |y: f32, words: &str, colour| text(p, pos2(at.x, y), Align2::LEFT_TOP, words, TEXT, colour).max.y;
+    let mut y = number.max.y;
+    let mut line = |words: &str| y = text(p, pos2(at.x, y), Align2::LEFT_TOP, words, TEXT, soft).max.y;
     let slices = if s.slices == 1 { "1 slice".to_owned() } else { format!("{} slices", s.slices) };
     let spacing = s.spacing_mm.is_some().then(|| s.spacing_text());
     let facts = [Some(s.modality.clone()), Some(slices), spacing];
-    let y = line(number.max.y + 2.0, &facts.into_iter().flatten().collect::<Vec<_>>().join(", "), soft);
-    let last = match &s.why {
-        Some(why) => format!("cannot be opened: {why}"),
-        None => relations(s, list),
-    };
-    line(y + 2.0, &last, soft);
+    line(&facts.into_iter().flatten().collect::<Vec<_>>().join(", "));
+    match &s.why {
+        Some(why) => line(&format!("cannot be opened: {why}")),
+        None => relations(s, list).iter().for_each(|words| line(words)),
+    }
 }
 
-/// Returns position, plane, patient and the same patient's other positions, in words.
-fn relations(s: &Series, list: &[Series]) -> String {
+/// Returns position, plane and patient in words, and the same patient's other positions.
+fn relations(s: &Series, list: &[Series]) -> [String; 2] {
     let several = list.iter().any(|o| o.patient != s.patient);
     let patient = several.then(|| format!("patient {}", s.patient));
     let words = [s.position().map(str::to_owned), s.plane.map(str::to_owned), patient];
     let pair = s.pair.iter().filter_map(|n| list.get(n.checked_sub(1)?)).map(|other| {
         let position = other.position().map_or_else(String::new, |p| format!(", {p}"));
-        format!("same patient as {}{position}", other.number)
+        format!("{}{position}", other.number)
     });
-    let words: Vec<String> = words.into_iter().flatten().collect();
-    std::iter::once(words.join(", ")).filter(|w| !w.is_empty()).chain(pair).collect::<Vec<_>>().join("; ")
+    let pair = pair.collect::<Vec<_>>().join("; ");
+    let pair = if pair.is_empty() { pair } else { format!("same patient as {pair}") };
+    [words.into_iter().flatten().collect::<Vec<_>>().join(", "), pair]
 }
 
-/// Returns what is told of a row under the pointer.
-fn details(s: &Series) -> String {
+/// Returns what is told of a row under the pointer: all of it, for a narrow panel cuts off lines.
+fn details(s: &Series, list: &[Series]) -> String {
     let [columns, rows] = s.size;
     let number = s.series_number.map_or_else(String::new, |n| format!(", series number {n}"));
-    format!("{columns}×{rows} pixels{number}, study {}", s.study)
+    let image = format!("{columns}×{rows} pixels, {}", s.spacing_text());
+    let why = s.why.as_ref().map(|why| format!("cannot be opened: {why}"));
+    let origin = format!("study {}{number}", s.study);
+    let lines = [s.description.clone(), image, origin].into_iter().chain(relations(s, list)).chain(why);
+    lines.filter(|l| !l.is_empty()).collect::<Vec<_>>().join("\n")
 }
 
 #[cfg(test)]
@@ -248,10 +253,10 @@ mod tests {
         let prone = Some("HFP".to_owned());
         let two = Series { number: 2, patient: 1, patient_position: prone, pair: vec![1], ..Series::default() };
         let list = [one, two];
-        assert_eq!(relations(&list[0], &list), "axial; same patient as 2, prone");
-        assert_eq!(relations(&list[1], &list), "prone; same patient as 1");
+        assert_eq!(relations(&list[0], &list), ["axial", "same patient as 2, prone"]);
+        assert_eq!(relations(&list[1], &list), ["prone", "same patient as 1"]);
         let list = [list[1].clone(), Series { number: 2, patient: 2, ..Series::default() }];
-        assert_eq!(relations(&list[1], &list), "patient 2");
+        assert_eq!(relations(&list[1], &list), ["patient 2", ""]);
     }
 
     #[test]
