@@ -11,8 +11,9 @@
 //! | 4 | [`Kind::Incomplete`]: the flight or path cannot be completed: nothing to fly through, a point outside the lumen, a flight that calls the operator without a window, or an interruption (Ctrl-C). Log, statistics and recording are written and complete up to that point |
 //! | 5 | [`Kind::Output`]: an output cannot be written: no permission, disk full, missing folder, no `ffmpeg` for a video |
 //!
-//! Every failure prints exactly one line to standard error: `error: WHAT: WHY; HINT`. Notes and progress come before it. Output
-//! files are written completely or not at all (see [`crate::output`]).
+//! Every failure prints exactly one line to standard error: `error: WHAT: WHY; HINT`. Notes and progress come before it, and so does
+//! what there is to choose from, one line for each of [`Error::choices`]. Output files are written completely or not at all (see
+//! [`crate::output`]).
 
 use std::fmt;
 use std::path::Path;
@@ -54,7 +55,8 @@ pub struct Error {
     pub hint: String,
     /// The error that caused this one, if there is one. `why` contains its message.
     pub cause: Option<Cause>,
-    /// If an input holds several scans: a description of each, in the order in which `--series` counts them, from 1.
+    /// If an input holds several scans: one line for each, in the order in which `--series` counts them, from 1. They name no
+    /// patient.
     pub choices: Vec<String>,
 }
 

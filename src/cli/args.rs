@@ -5,7 +5,7 @@ use std::fmt;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::{Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 
@@ -313,8 +313,8 @@ pub struct CenterlineArgs {
     /// Output: .json, .csv or .mrk.json (a curve for 3D Slicer)
     #[arg(long, value_name = "F")]
     pub out: PathBuf,
-    /// Method: penalised (default; keeps away from walls, then moves to the axis), peel-onion (peels from the wall inwards),
-    /// roadmap (along inscribed balls; takes minutes on a whole scan) or cell-decomposition (through free cells)
+    /// Method: penalised (default; keeps away from walls, then moves to the axis), peel (peels from the wall inwards),
+    /// roadmap (along inscribed balls; takes minutes on a whole scan) or cells (through free cells)
     #[arg(long, value_name = "METHOD", value_parser = methods())]
     pub method: Option<CenterlineMethod>,
     /// Start: rectum, cecum, or X,Y,Z in mm LPS
@@ -524,11 +524,20 @@ fn keys(program: &Program) -> String {
     if rows.is_empty() { String::new() } else { format!("Keys in the window:\n{}", lines.collect::<String>()) }
 }
 
-/// The methods of a centerline, by name.
+/// The methods of a centerline, by their short names. The names of scene files work too.
 fn methods() -> impl TypedValueParser<Value = CenterlineMethod> {
-    let named = |name: String| CenterlineMethod::ALL.into_iter().find(|m| m.name() == name);
-    PossibleValuesParser::new(CenterlineMethod::ALL.map(CenterlineMethod::name))
+    let named = |name: String| CenterlineMethod::ALL.into_iter().find(|m| [m.name(), short_name(*m)].contains(&&*name));
+    PossibleValuesParser::new(CenterlineMethod::ALL.map(|m| PossibleValue::new(short_name(m)).alias(m.name())))
         .map(move |name| named(name).unwrap_or_default())
+}
+
+/// A centerline method's name on the command line.
+fn short_name(method: CenterlineMethod) -> &'static str {
+    match method {
+        CenterlineMethod::PeelOnion => "peel",
+        CenterlineMethod::Cells => "cells",
+        other => other.name(),
+    }
 }
 
 /// Gives an option its values: names with their summaries.
@@ -705,8 +714,16 @@ pub fn refuse(refused: &ParseError) -> ExitCode {
 
 /// Prints a failure and returns its exit status.
 pub(super) fn failed(error: &Error) -> ExitCode {
-    output::to_stderr(format_args!("error: {error}"));
+    print_failure(error);
     ExitCode::from(error.kind as u8)
+}
+
+/// Prints what there is to choose from, one line each, and then the failure in one line.
+pub(super) fn print_failure(error: &Error) {
+    for choice in &error.choices {
+        super::prepare::say(choice);
+    }
+    output::to_stderr(format_args!("error: {error}"));
 }
 
 #[cfg(test)]

@@ -295,7 +295,7 @@ fn end(outcome: &Result<()>) -> ExitCode {
     let mut run = under_way();
     let status = outcome.as_ref().map_or_else(|e| e.kind as u8, |()| 0);
     if let Err(e) = outcome {
-        output::to_stderr(format_args!("error: {e}"));
+        args::print_failure(e);
     }
     if let Some(run) = &mut *run {
         run.ended = Some(status);

@@ -19,6 +19,9 @@ const OTHER: u8 = 3;
 /// Mask value of the colon's wall.
 const WALL: u8 = 4;
 
+/// Maximum number of bridges and of islands in the stats.
+const MOST_MARKS: usize = 100;
+
 /// A segment in the stats. Places are world, mm LPS.
 #[derive(Serialize)]
 struct Part {
@@ -90,7 +93,9 @@ pub(crate) fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> R
             ("ordered", json!(lumen.ordered)),
             ("segments", json!(parts(&lumen))),
             ("bridges", json!(marks(&residue.bridges))),
+            ("bridges_count", json!(residue.bridges.len())),
             ("islands", json!(marks(&residue.islands))),
+            ("islands_count", json!(residue.islands.len())),
         ] {
             stats.insert(name.to_owned(), value);
         }
@@ -112,8 +117,9 @@ fn not_colon(others: &lumen::Others) -> Vec<NotColon> {
     others.pieces.iter().map(part).collect()
 }
 
+/// Describes the first [`MOST_MARKS`] of `found`, which are the largest.
 fn marks(found: &[Remnant]) -> Vec<Mark> {
-    found.iter().map(|m| Mark { position: m.at, ml: m.ml, length_mm: m.length_mm }).collect()
+    found.iter().take(MOST_MARKS).map(|m| Mark { position: m.at, ml: m.ml, length_mm: m.length_mm }).collect()
 }
 
 fn parts(lumen: &Lumen) -> Vec<Part> {
@@ -126,4 +132,19 @@ fn parts(lumen: &Lumen) -> Vec<Part> {
         joined_to: s.joined_to.clone(),
     };
     lumen.segments.iter().map(part).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_hundred_largest_are_listed() {
+        let found = |n: usize| -> Vec<Remnant> {
+            (0..n).map(|k| Remnant { at: DVec3::ZERO, ml: (n - k) as f64, length_mm: 1.0 }).collect()
+        };
+        assert_eq!(marks(&found(7)).len(), 7);
+        let many = marks(&found(250));
+        assert_eq!((many.len(), many[0].ml, many[99].ml), (100, 250.0, 151.0));
+    }
 }

@@ -252,14 +252,14 @@ const NRRD: &str = "NRRD0004\n# a comment\ntype: short\ndimension: 3\nsizes: 4 3
 fn nrrd_forms() {
     let le: Vec<u8> = (0..24i16).flat_map(i16::to_le_bytes).collect();
     let be: Vec<u8> = (0..24i16).flat_map(i16::to_be_bytes).collect();
-    let text: String = (0..24).map(|i| format!("{i}\n")).collect();
+    let text = (0..24).map(|i| format!("{i}\n")).collect::<String>().into_bytes();
     let with = |extra: &str, data: &[u8]| [format!("{NRRD}{extra}\n").as_bytes(), data].concat();
     let lps = "space: left-posterior-superior\nencoding: raw\n";
     let reference = read("a.nrrd", &with(lps, &le)).unwrap().volume;
     assert_eq!(reference.grid().world(DVec3::ONE), DVec3::new(10.5, 20.75, 32.0));
     let cases = [
         ("space: LPS\nencoding: gzip\n", gz(&le)),
-        ("space: LPS\nencoding: ascii\n", text.into_bytes()),
+        ("space: LPS\nencoding: ascii\n", text.clone()),
         ("space: LPS\nencoding: raw\nbyte skip: 4\n", [b"skip".as_slice(), &le].concat()),
         ("space: LPS\nencoding: gz\nbyte skip: 4\n", gz(&[b"skip".as_slice(), &le].concat())),
         ("space: LPS\nencoding: raw\nbyte skip: -1\n", [b"any".as_slice(), &le].concat()),
@@ -267,6 +267,16 @@ fn nrrd_forms() {
     ];
     for (extra, data) in cases {
         assert_eq!(read("a.nrrd", &with(extra, &data)).unwrap().volume, reference, "{extra}");
+    }
+    // Enumerated values are not case-sensitive, nor are the names of fields.
+    let head = NRRD.replace("short", "Unsigned SHORT").replace("endian: little", "Endian: Little");
+    let loud = |encoding: &str| {
+        let head = head.replace("NRRD0004\n", "NRRD0004\nKinds: Domain DOMAIN domain\n");
+        format!("{head}SPACE: Left-Posterior-Superior\nEncoding: {encoding}\n\n")
+    };
+    for (encoding, data) in [("Raw", le.clone()), ("GZIP", gz(&le)), ("Gz", gz(&le)), ("ASCII", text)] {
+        let bytes = [loud(encoding).as_bytes(), &data].concat();
+        assert_eq!(read("a.nrrd", &bytes).unwrap().volume, reference, "{encoding}");
     }
     let big = with(lps, &be);
     let big = String::from_utf8_lossy(&big[..big.len() - be.len()]).replace("little", "big");

@@ -6,6 +6,8 @@ mod dicom;
 mod formats;
 mod labels;
 mod peers;
+#[cfg(feature = "dicom")]
+mod study;
 mod surface;
 
 #[path = "../support"]
@@ -21,5 +23,7 @@ mod support {
     #[cfg(feature = "dicom")]
     pub(crate) mod series;
     pub(crate) mod skips;
+    #[cfg(feature = "dicom")]
+    pub(crate) mod study;
     pub(crate) mod volumes;
 }

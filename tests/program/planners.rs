@@ -47,8 +47,11 @@ fn every_method_finds_the_line_of_a_phantom() {
     for (n, line) in lines.iter().enumerate() {
         assert!(!lines[..n].contains(line), "{} is another's line", METHODS[n]);
     }
-    run(&["centerline", &at("v.nii.gz"), "--method", "peel-onion", "--out", &at("c.csv")], 0);
-    run(&["centerline", &at("v.nii.gz"), "--method", "cell-decomposition", "--out", &at("c.mrk.json")], 0);
+    for (short, line, out) in [("peel", 1, "c.csv"), ("cells", 3, "c.mrk.json")] {
+        run(&["centerline", &at("v.nii.gz"), "--method", short, "--out", &at(out)], 0);
+        run(&["centerline", &at("v.nii.gz"), "--method", short, "--out", &at("e.json")], 0);
+        assert_eq!(points(&json(&at("e.json"))), lines[line], "{short} is {}", METHODS[line]);
+    }
     run(&["centerline", &at("v.nii.gz"), "--out", &at("d.json")], 0);
     assert_eq!(points(&json(&at("d.json"))), lines[0], "penalised is the default");
 }

@@ -7,6 +7,8 @@ pub(crate) const DEFLATED: &str = "1.2.840.10008.1.2.1.99";
 pub(crate) const RLE: &str = "1.2.840.10008.1.2.5";
 pub(crate) const JPEG_LOSSLESS: &str = "1.2.840.10008.1.2.4.70";
 pub(crate) const JPEG_LS: &str = "1.2.840.10008.1.2.4.80";
+/// SOP class of a CT slice.
+const CT_IMAGE: &str = "1.2.840.10008.5.1.4.1.1.2";
 
 /// One CT slice.
 #[derive(Clone)]
@@ -15,6 +17,12 @@ pub(crate) struct Slice {
     pub series: String,
     pub series_number: i32,
     pub modality: &'static str,
+    pub sop_class: &'static str,
+    /// Name and identifier of the patient.
+    pub patient: [&'static str; 2],
+    pub study: &'static str,
+    pub frame_of_reference: &'static str,
+    pub description: &'static str,
     pub image_type: &'static str,
     pub patient_position: &'static str,
     pub rows: u16,
@@ -40,6 +48,8 @@ pub(crate) struct Slice {
     pub pixels: Vec<u16>,
     /// Bytes that replace the packed pixels.
     pub packed: Option<Vec<u8>>,
+    /// False for a report, which has no pixel data.
+    pub image: bool,
 }
 
 impl Slice {
@@ -50,6 +60,11 @@ impl Slice {
             series: "1.2.3.4".to_owned(),
             series_number: 1,
             modality: "CT",
+            sop_class: CT_IMAGE,
+            patient: ["Doe^Jane", "SECRET7"],
+            study: "",
+            frame_of_reference: "",
+            description: "",
             image_type: "ORIGINAL\\PRIMARY\\AXIAL",
             patient_position: "HFS",
             rows: 4,
@@ -71,6 +86,7 @@ impl Slice {
             places: Vec::new(),
             pixels: (0..24).map(|i| (1000 + 24 * z as i64 + i) as u16).collect(),
             packed: None,
+            image: true,
         }
     }
 
@@ -81,19 +97,30 @@ impl Slice {
         let mut body = Writer { out: Vec::new(), big, explicit };
         let floats = |v: &[f64]| v.iter().map(f64::to_string).collect::<Vec<_>>().join("\\");
         body.text(0x0008, 0x0008, b"CS", self.image_type);
-        body.text(0x0008, 0x0016, b"UI", "1.2.840.10008.5.1.4.1.1.2");
+        body.text(0x0008, 0x0016, b"UI", self.sop_class);
         body.text(0x0008, 0x0018, b"UI", "1.2.3.4.5");
         body.text(0x0008, 0x0060, b"CS", self.modality);
-        body.text(0x0010, 0x0010, b"PN", "Doe^Jane");
-        body.text(0x0010, 0x0020, b"LO", "SECRET7");
+        if !self.description.is_empty() {
+            body.text(0x0008, 0x103E, b"LO", self.description);
+        }
+        let [name, id] = self.patient;
+        body.text(0x0010, 0x0010, b"PN", name);
+        body.text(0x0010, 0x0020, b"LO", id);
+        body.text(0x0010, 0x0030, b"DA", "19500102");
         body.text(0x0018, 0x0050, b"DS", "2.5");
         body.text(0x0018, 0x5100, b"CS", self.patient_position);
+        if !self.study.is_empty() {
+            body.text(0x0020, 0x000D, b"UI", self.study);
+        }
         body.text(0x0020, 0x000E, b"UI", &self.series);
         body.text(0x0020, 0x0011, b"IS", &self.series_number.to_string());
         if let Some(p) = self.position {
             body.text(0x0020, 0x0032, b"DS", &floats(&p));
         }
         body.text(0x0020, 0x0037, b"DS", &floats(&self.orientation));
+        if !self.frame_of_reference.is_empty() {
+            body.text(0x0020, 0x0052, b"UI", self.frame_of_reference);
+        }
         body.short(0x0028, 0x0002, self.samples);
         body.text(0x0028, 0x0004, b"CS", self.photometric);
         if let Some(f) = self.frames {
@@ -119,11 +146,13 @@ impl Slice {
         if !self.places.is_empty() {
             self.functional_groups(&mut body);
         }
-        self.pixel_data(&mut body);
+        if self.image {
+            self.pixel_data(&mut body);
+        }
         let mut out = vec![0; 128];
         out.extend(b"DICM");
         let mut meta = Writer { out: Vec::new(), big: false, explicit: true };
-        meta.text(0x0002, 0x0002, b"UI", "1.2.840.10008.5.1.4.1.1.2");
+        meta.text(0x0002, 0x0002, b"UI", self.sop_class);
         meta.text(0x0002, 0x0003, b"UI", "1.2.3.4.5");
         meta.text(0x0002, 0x0010, b"UI", self.syntax);
         out.extend(b"\x02\0\0\0UL\x04\0");

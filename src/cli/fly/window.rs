@@ -111,6 +111,7 @@ fn opening(
     });
     Ok(window::Opening {
         input: args.input.clone(),
+        series: global.series,
         prepare,
         finish,
         resume: resume(args),

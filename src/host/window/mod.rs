@@ -121,6 +121,8 @@ pub(crate) struct Shown {
 pub(crate) struct Opening {
     /// Path of the scan; `None` for the embedded phantom.
     pub input: Option<PathBuf>,
+    /// The number of the series that was asked for, in a folder that holds several.
+    pub series: Option<usize>,
     /// Creates the flight. Called on another thread while the window shows the progress.
     pub prepare: Prepare,
     /// Called when the scan is closed, after the log has been written.

@@ -107,6 +107,8 @@ pub(crate) struct Shell {
     finish: Option<Finish>,
     /// The scan that is open or being opened; `None` for the embedded phantom.
     opening: Option<PathBuf>,
+    /// The number of the series that was asked for.
+    series: Option<usize>,
     open: Box<dyn Fn(PathBuf, Option<usize>) -> Result<Opening>>,
     /// True if this is the scan that the window was opened with.
     is_first: bool,
@@ -174,6 +176,7 @@ impl Shell {
             size: launch.size,
             resume: first.resume,
             opening: first.input,
+            series: first.series,
             open: launch.open,
             is_first: true,
             recent,
@@ -278,6 +281,7 @@ impl Shell {
             Err(e) => return self.fail(e, events),
         }
         (self.opening, self.finish, self.resume) = (opening.input, Some(opening.finish), opening.resume);
+        self.series = opening.series;
         (self.log_path, self.seconds, self.is_first) = (opening.log, opening.seconds, false);
         (self.session, self.scan, self.laid_out, self.painted) = (None, None, None, None);
         (self.flight_at, self.presented) = ([0; 4], PresentTimer::default());
@@ -455,12 +459,14 @@ impl Shell {
         let (Some(input), Some(window)) = (&mut self.input, &self.window) else { return };
         let (stage, workspace, mut requests) = (&self.stage, &mut self.workspace, Requests::default());
         let (actions, recent) = (&*self.actions, self.recent.scans());
-        let (file_list, opening, mut chosen) = (&mut self.file_list, self.opening.as_deref(), None);
+        let (file_list, mut chosen) = (&mut self.file_list, None);
+        let (opening, series) = (self.opening.as_deref(), self.series);
         let choices = if let Stage::Failed(e) = stage { &e.choices[..] } else { &[] };
         let output = self.interface.lay_out(input.take_egui_input(window), size, now, |ui| {
             match (&content, stage) {
                 (Content::Flight(hud), Stage::Flying(controller)) => {
-                    workspace.ui(&Context::new(controller, actions, recent, hud), ui, &mut requests);
+                    let context = Context::new(controller, actions, recent, hud).of_scan(opening, series);
+                    workspace.ui(&context, ui, &mut requests);
                 }
                 (Content::Failed { text }, _) => {
                     chosen = file_list.instead(text, opening, choices, recent, ui);

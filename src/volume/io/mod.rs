@@ -16,6 +16,7 @@ mod padding;
 mod png;
 mod raw;
 mod source;
+pub mod study;
 mod text;
 mod write;
 
@@ -179,6 +180,22 @@ pub fn inspect(path: &Path, options: &LoadOptions, progress: &Progress) -> Resul
     let mut map = describe(&loaded.volume);
     map.extend(facts);
     Ok((Value::Object(map), loaded.notes))
+}
+
+/// Returns the series of a folder of DICOM, with pictures of at most `side` pixels a side; no series for any other input. It
+/// decodes one slice of each series.
+///
+/// # Errors
+/// Returns status 3 if the folder cannot be read, status 4 if cancelled.
+pub fn study(path: &Path, side: usize, progress: &Progress) -> Result<study::Study> {
+    match detect(path, progress)? {
+        #[cfg(feature = "dicom")]
+        Format::Dicom(files) if path.is_dir() => dicom::study(path, &files, side, progress),
+        _ => {
+            let _ = side;
+            Ok(study::Study::default())
+        }
+    }
 }
 
 /// Returns the part of `info` that every format has.

@@ -84,7 +84,8 @@ pub(crate) fn load(path: &Path, progress: &Progress) -> Result<(Volume, Vec<Stri
 
 fn encoding(f: &Fields) -> Result<Encoding> {
     let value = f.need("type")?;
-    let element = match value {
+    // Names are not case-sensitive.
+    let element = match value.to_ascii_lowercase().as_str() {
         "signed char" | "int8" | "int8_t" => Element::I8,
         "uchar" | "unsigned char" | "uint8" | "uint8_t" => Element::U8,
         "short" | "short int" | "signed short" | "signed short int" | "int16" | "int16_t" => Element::I16,
@@ -105,8 +106,8 @@ fn encoding(f: &Fields) -> Result<Encoding> {
     };
     let binary = packing(f)? != Packing::Text;
     let order = match f.get(&["endian"]) {
-        Some((_, "little")) => ByteOrder::Little,
-        Some((_, "big")) => ByteOrder::Big,
+        Some((_, value)) if value.eq_ignore_ascii_case("little") => ByteOrder::Little,
+        Some((_, value)) if value.eq_ignore_ascii_case("big") => ByteOrder::Big,
         None if element.size() == 1 || !binary => ByteOrder::Little,
         None => return Err(Error::file(f.path, "its header has no \"endian\"", "export it again")),
         Some((key, value)) => return Err(bad(f.path, key, value, "little or big")),
@@ -115,11 +116,12 @@ fn encoding(f: &Fields) -> Result<Encoding> {
 }
 
 fn packing(f: &Fields) -> Result<Packing> {
-    match f.need("encoding")? {
+    let value = f.need("encoding")?;
+    match value.to_ascii_lowercase().as_str() {
         "raw" => Ok(Packing::Raw),
         "gz" | "gzip" => Ok(Packing::Gzip),
         "txt" | "text" | "ascii" => Ok(Packing::Text),
-        other => Err(bad(f.path, "encoding", other, "raw, gzip or ascii")),
+        _ => Err(bad(f.path, "encoding", value, "raw, gzip or ascii")),
     }
 }
 
@@ -241,9 +243,9 @@ fn vectors(value: &str) -> Option<Vec<Option<DVec3>>> {
     let mut out = Vec::new();
     let mut rest = value.trim();
     while !rest.is_empty() {
-        if let Some(after) = rest.strip_prefix("none") {
+        if rest.get(..4).is_some_and(|word| word.eq_ignore_ascii_case("none")) {
             out.push(None);
-            rest = after.trim_start();
+            rest = rest[4..].trim_start();
             continue;
         }
         let (inside, after) = rest.strip_prefix('(')?.split_once(')')?;

@@ -8,9 +8,10 @@ pub mod measures;
 pub mod open;
 #[cfg(test)]
 mod pictures;
+mod series;
 pub mod slices;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use egui::{MouseWheelUnit, Rect, Ui, Vec2};
 use glam::DVec3;
@@ -86,6 +87,8 @@ pub struct Context<'a> {
     pub(super) recent: &'a [PathBuf],
     /// The state of the flight for display.
     pub(super) hud: &'a HudState,
+    /// The open scan, and the number of the series that was asked for.
+    pub(super) opened: Option<(&'a Path, Option<usize>)>,
 }
 
 impl<'a> Context<'a> {
@@ -95,7 +98,12 @@ impl<'a> Context<'a> {
         recent: &'a [PathBuf],
         hud: &'a HudState,
     ) -> Self {
-        Self { flight: controller.flight(), controller, actions, recent, hud }
+        Self { flight: controller.flight(), controller, actions, recent, hud, opened: None }
+    }
+
+    /// Adds the open scan, and the number of the series that was asked for.
+    pub(super) fn of_scan(self, path: Option<&'a Path>, series: Option<usize>) -> Self {
+        Self { opened: path.map(|path| (path, series)), ..self }
     }
 
     /// Returns the place that all views show, world mm: the place pointed at, or the camera's position.

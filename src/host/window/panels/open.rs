@@ -1,9 +1,10 @@
-//! Opens another scan: a recent one, or one from a folder.
+//! Opens another scan: another series of the study, a recent one, or one from a folder.
 
 use std::path::{Path, PathBuf};
 
 use egui::{Rect, RichText, ScrollArea, Ui};
 
+use super::series::SeriesList;
 use super::{Context, Panel, PanelEntry, Request, Requests};
 use crate::host::window::overlay::SOFT;
 
@@ -15,8 +16,9 @@ pub const PANEL: PanelEntry =
 const ENDINGS: [&str; 9] = [".nii", ".nii.gz", ".mhd", ".mha", ".nrrd", ".nhdr", ".dcm", ".ima", ".dicom"];
 /// Maximum number of listed entries of a folder.
 const MOST: usize = 2000;
-/// Title above the reason why a scan cannot be flown.
+/// Title above the reason why a scan cannot be flown, and above the series of a study.
 const CANNOT: &str = "This scan cannot be flown.";
+const CHOOSE: &str = "Choose a series.";
 
 /// The contents of a folder.
 #[derive(Debug, Default, PartialEq)]
@@ -63,13 +65,21 @@ pub struct FileList {
     folder: Option<PathBuf>,
     /// Read once, not for every picture.
     listing: Option<Listing>,
+    /// The series of the study that is open or that was to be opened.
+    series: Option<SeriesList>,
 }
 
 impl FileList {
     /// Creates a list for a folder with a known listing.
     #[cfg(test)]
     pub fn of(folder: impl Into<PathBuf>, listing: Listing) -> Self {
-        Self { folder: Some(folder.into()), listing: Some(listing) }
+        Self { folder: Some(folder.into()), listing: Some(listing), series: None }
+    }
+
+    /// Adds the known series of a study.
+    #[cfg(test)]
+    pub(super) fn with_series(self, series: SeriesList) -> Self {
+        Self { series: Some(series), ..self }
     }
 
     /// Lays out the content that a window shows instead of a flight if the scan `opening` could not be opened: the reason, the
@@ -87,19 +97,18 @@ impl FileList {
         let column = Rect::from_center_size(area.center(), egui::vec2(width, area.height() - 48.0));
         let mut chosen = None;
         ui.scope_builder(egui::UiBuilder::new().max_rect(column), |ui| {
-            ui.heading(CANNOT);
+            ui.heading(if series.is_empty() { CANNOT } else { CHOOSE });
             ui.label(why);
             ui.label("Open another scan below, or drop one on the window. Esc quits.");
             ui.separator();
-            for (n, series) in series.iter().enumerate() {
-                if ui.button(series).clicked() {
-                    chosen = opening.map(|path| Request::Open(path.to_owned(), Some(n + 1)));
+            ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+                if let Some(path) = opening.filter(|_| !series.is_empty()) {
+                    let number = SeriesList::at(&mut self.series, path).choose(series, ui);
+                    chosen = number.map(|n| Request::Open(path.to_owned(), Some(n)));
+                    ui.separator();
                 }
-            }
-            if !series.is_empty() {
-                ui.separator();
-            }
-            chosen = chosen.take().or(self.ui(recent, ui).map(|path| Request::Open(path, None)));
+                chosen = chosen.take().or(self.ui(recent, ui).map(|path| Request::Open(path, None)));
+            });
         });
         chosen
     }
@@ -114,45 +123,43 @@ impl FileList {
         });
         let listing = self.listing.get_or_insert_with(|| Listing::of(folder));
         let mut go = None;
-        ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-            if !recent.is_empty() {
-                ui.label(RichText::new("Recent scans").color(SOFT));
+        if !recent.is_empty() {
+            ui.label(RichText::new("Recent scans").color(SOFT));
+        }
+        for path in recent {
+            if ui.button(name(path)).on_hover_text(path.display().to_string()).clicked() {
+                chosen = Some(path.clone());
             }
-            for path in recent {
-                if ui.button(name(path)).on_hover_text(path.display().to_string()).clicked() {
-                    chosen = Some(path.clone());
-                }
+        }
+        ui.separator();
+        ui.label(RichText::new(folder.display().to_string()).color(SOFT));
+        ui.horizontal(|ui| {
+            if let Some(parent) = folder.parent().filter(|_| ui.button("Up").clicked()) {
+                go = Some(parent.to_owned());
             }
-            ui.separator();
-            ui.label(RichText::new(folder.display().to_string()).color(SOFT));
-            ui.horizontal(|ui| {
-                if let Some(parent) = folder.parent().filter(|_| ui.button("Up").clicked()) {
-                    go = Some(parent.to_owned());
-                }
-                if ui.button("Read again").clicked() {
-                    go = Some(folder.clone());
-                }
-                if ui.button("Open this folder").on_hover_text("a DICOM series, or a stack of PNG slices").clicked() {
-                    chosen = Some(folder.clone());
-                }
-            });
-            if let Some(fault) = &listing.fault {
-                ui.label(fault);
+            if ui.button("Read again").clicked() {
+                go = Some(folder.clone());
             }
-            for path in &listing.folders {
-                if ui.button(format!("{}/", name(path))).clicked() {
-                    go = Some(path.clone());
-                }
-            }
-            for path in &listing.scans {
-                if ui.button(name(path)).clicked() {
-                    chosen = Some(path.clone());
-                }
-            }
-            if listing.fault.is_none() && listing.folders.is_empty() && listing.scans.is_empty() {
-                ui.label(RichText::new("no scans here").color(SOFT));
+            if ui.button("Open this folder").on_hover_text("a DICOM series, or a stack of PNG slices").clicked() {
+                chosen = Some(folder.clone());
             }
         });
+        if let Some(fault) = &listing.fault {
+            ui.label(fault);
+        }
+        for path in &listing.folders {
+            if ui.button(format!("{}/", name(path))).clicked() {
+                go = Some(path.clone());
+            }
+        }
+        for path in &listing.scans {
+            if ui.button(name(path)).clicked() {
+                chosen = Some(path.clone());
+            }
+        }
+        if listing.fault.is_none() && listing.folders.is_empty() && listing.scans.is_empty() {
+            ui.label(RichText::new("no scans here").color(SOFT));
+        }
         if let Some(next) = go {
             (self.folder, self.listing) = (Some(next), None);
         }
@@ -162,9 +169,16 @@ impl FileList {
 
 impl Panel for FileList {
     fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
-        if let Some(path) = Self::ui(self, context.recent, ui) {
-            requests.open(path);
-        }
+        ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+            if let Some((path, open)) = context.opened
+                && let Some(n) = SeriesList::at(&mut self.series, path).of_open(open, ui)
+            {
+                requests.ask(Request::Open(path.to_owned(), Some(n)));
+            }
+            if let Some(path) = Self::ui(self, context.recent, ui) {
+                requests.open(path);
+            }
+        });
     }
 }
 

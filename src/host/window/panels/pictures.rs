@@ -14,6 +14,7 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
 use super::open::{FileList, Listing};
+use super::series::SeriesList;
 use super::*;
 use crate::app::{FlightRequest, Scan, Scene};
 use crate::host::window::actions::{ActionContext, KeySettings};
@@ -24,6 +25,7 @@ use crate::host::window::overlay::{self, Severity};
 use crate::host::window::painter::Artist;
 use crate::host::window::workspace::{LAYOUTS, Workspace};
 use crate::render::{Frame, ImageSize, Light};
+use crate::volume::io::study::{self, Picture, Series, Study};
 
 /// A pixel differs if one of its colours differs by more than the first number, and a picture if more pixels differ than the
 /// second. Another processor may round an edge differently, and even the smallest letter has more pixels than that.
@@ -225,6 +227,52 @@ fn candidates_look_as_they_did() {
     hold("candidates-measured", &stage.panel(&mut *(slices::AXIAL.make)()));
 }
 
+/// An example of a study: a localizer, supine and prone, and a report.
+fn study() -> Study {
+    let series = |number: usize, slices: usize, code: &str, description: &str| Series {
+        number,
+        slices,
+        modality: "CT".to_owned(),
+        size: [512, 512],
+        spacing_mm: Some([0.7, 0.7, 1.0]),
+        patient_position: Some(code.to_owned()),
+        description: description.to_owned(),
+        patient: 1,
+        study: 1,
+        plane: Some("axial"),
+        counts: true,
+        ..Series::default()
+    };
+    let why = |why: &str| Some(why.to_owned());
+    let series = vec![
+        Series { why: why("a localizer"), counts: false, plane: None, ..series(1, 2, "HFS", "Topogram") },
+        Series { pair: vec![3], ..series(2, 412, "HFS", "Colon supine 1.0 B30f") },
+        Series { pair: vec![2], ..series(3, 405, "HFP", "Colon prone 1.0 B30f") },
+        Series { modality: "SR".to_owned(), spacing_mm: None, why: why("no image"), ..series(4, 0, "", "Dose report") },
+    ];
+    // A body with gas in it; wider than high.
+    let grey = |x: usize, y: usize| {
+        let [x, y] = [x as f32 - 35.5, 1.4 * (y as f32 - 25.5)];
+        let gas = (x - 12.0).hypot(y - 8.0) < 7.0;
+        if x.hypot(y) > 33.0 || gas { 10 } else { 130 }
+    };
+    let grey: Vec<u8> = (0..52).flat_map(|y| (0..72).map(move |x| grey(x, y))).collect();
+    let picture = Picture { width: 72, height: 52, grey };
+    let pictures = vec![Some(picture.clone()), Some(picture.clone()), Some(picture), None];
+    Study { series, pictures, usual: None }
+}
+
+#[test]
+fn the_series_of_the_open_study_look_as_they_did() {
+    let mut stage = Stage::new(ImageSize::new(440, 420), 1.0);
+    let mut panel = scans().with_series(SeriesList::known(Path::new("/study"), study()));
+    let picture = stage.picture(|context, ui, requests| {
+        let context = Context::new(context.controller, context.actions, context.recent, context.hud);
+        Panel::ui(&mut panel, &context.of_scan(Some(Path::new("/study")), Some(2)), ui, requests);
+    });
+    hold("open-series", &picture);
+}
+
 /// An example listing of a folder.
 fn scans() -> FileList {
     let list = |names: &[&str]| names.iter().map(|n| Path::new("/scans").join(n)).collect();
@@ -270,18 +318,23 @@ fn loading_and_a_scan_that_cannot_be_flown_look_as_they_did() {
         overlay::loading(&ui.ctx().layer_painter(egui::LayerId::background()), area, "reading", Some(0.4));
     };
     hold("loading", &stage.picture(loading));
-    let mut list = scans();
-    let series = ["1: 512 images, Abdomen".to_owned(), "2: 498 images, Abdomen prone".to_owned()];
-    let mut failed = |stage: &mut Stage, events: Vec<Event>| {
+    let instead = |list: &mut FileList, series: &[String], stage: &mut Stage, events: Vec<Event>| {
         let mut chosen = None;
+        let why = if series.is_empty() { "scan.nii: is empty" } else { "study: holds 4 series, 3 of them CT" };
         let (picture, _) = stage.lay_out(events, &mut |context, ui, _| {
-            chosen = list.instead("study: holds 2 series", Some(Path::new("/study")), &series, context.recent, ui);
+            chosen = list.instead(why, Some(Path::new("/study")), series, context.recent, ui);
         });
         (picture, chosen)
     };
-    hold("failed", &failed(&mut stage, Vec::new()).0);
+    hold("failed", &instead(&mut scans(), &[], &mut stage, Vec::new()).0);
+    let mut list = scans().with_series(SeriesList::known(Path::new("/study"), study()));
+    let lines = study::table(&study().series);
+    let mut failed = |stage: &mut Stage, events: Vec<Event>| instead(&mut list, &lines, stage, events);
+    // A texture reaches the picture after the one that it is loaded for.
+    failed(&mut stage, Vec::new());
+    hold("choose", &failed(&mut stage, Vec::new()).0);
     // The second series is chosen from the list.
-    let at = Pos2::new(120.0, 122.0);
+    let at = Pos2::new(240.0, 220.0);
     let click =
         |pressed| Event::PointerButton { pos: at, button: PointerButton::Primary, pressed, modifiers: Modifiers::NONE };
     failed(&mut stage, vec![Event::PointerMoved(at)]);

@@ -110,6 +110,23 @@ pub(crate) struct DataSet {
 /// # Errors
 /// Returns [`Fault::Short`] if `bytes` end inside an element, [`Fault::Bad`] if they are damaged.
 pub(crate) fn parse(bytes: &[u8]) -> Result<(DataSet, Cow<'_, [u8]>), Fault> {
+    let mut root = Item::default();
+    let (syntax, pixels, body) = parse_into(bytes, &mut root)?;
+    Ok((DataSet { root, syntax, pixels }, body))
+}
+
+/// Returns the elements before the place where a damaged file cannot be parsed further.
+pub(crate) fn parse_start(bytes: &[u8]) -> Item {
+    let mut root = Item::default();
+    // The fault is known already.
+    let _ = parse_into(bytes, &mut root);
+    root
+}
+
+/// Syntax, pixel data, and the bytes that its position refers to.
+type Parsed<'a> = (String, Option<PixelPlace>, Cow<'a, [u8]>);
+
+fn parse_into<'a>(bytes: &'a [u8], root: &mut Item) -> Result<Parsed<'a>, Fault> {
     let start = if bytes.get(128..132) == Some(b"DICM") { 132 } else { 0 };
     let mut meta = Walk { bytes, at: start, form: Form { explicit: true, order: ByteOrder::Little }, pixels: None };
     let mut head = Item::default();
@@ -136,12 +153,12 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<(DataSet, Cow<'_, [u8]>), Fault> {
     };
     let at = if matches!(body, Cow::Owned(_)) { 0 } else { meta.at };
     let mut walk = Walk { bytes: &body, at, form, pixels: None };
-    let mut root = Item { order: form.order, ..Item::default() };
+    root.order = form.order;
     while walk.pixels.is_none() && walk.peek_group()?.is_some() {
-        walk.element(&mut root, 0)?;
+        walk.element(root, 0)?;
     }
     let pixels = walk.pixels;
-    Ok((DataSet { root, syntax, pixels }, body))
+    Ok((syntax, pixels, body))
 }
 
 struct Walk<'a> {

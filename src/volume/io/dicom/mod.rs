@@ -1,15 +1,17 @@
 //! DICOM: one file or a folder of slices.
 //!
-//! [`dataset`] parses a file's elements, [`slice`] keeps the relevant ones, [`stack`] orders slices in space and
-//! [`pixels`] converts stored values to HU.
+//! [`dataset`] parses a file's elements, [`slice`] keeps the relevant ones, [`study`] groups slices into series and chooses one,
+//! [`stack`] orders slices in space, [`pixels`] converts stored values to HU and [`picture`] makes a small picture of a slice.
 
 mod dataset;
+mod origin;
+mod picture;
 mod pixels;
 mod rle;
 mod slice;
 mod stack;
+mod study;
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -17,6 +19,8 @@ use serde_json::{Map, Value, json};
 
 use self::slice::Slice;
 use self::stack::{Gap, Stack};
+use self::study::Groups;
+use super::study::{self as list, Study};
 use super::{LoadOptions, Modality, source};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
@@ -32,9 +36,6 @@ pub(crate) struct Read {
     pub facts: Map<String, Value>,
 }
 
-/// If exactly one CT series has more than this many slices, it is chosen.
-const FEW_SLICES: usize = 10;
-
 /// Reads the chosen series from `files` of `input`. It must be of the modality `wanted`.
 ///
 /// # Errors
@@ -46,22 +47,12 @@ pub(crate) fn load(
     wanted: Modality,
     progress: &Progress,
 ) -> Result<Read> {
-    progress.stage("reading headers", files.len() as u64);
-    let slices: Vec<Result<Vec<Slice>>> = files
-        .par_iter()
-        .map(|f| {
-            progress.advance(1)?;
-            slice::read(f)
-        })
-        .collect();
-    let mut series = into_series(slices.into_iter().collect::<Result<Vec<_>>>()?.into_iter().flatten());
-    if series.is_empty() {
-        return Err(Error::file(input, "holds no DICOM image", "give a CT series"));
-    }
     let mut notes = Vec::new();
-    let chosen = choose(input, &series, options.series, &mut notes)?;
-    let list = list(&series, chosen);
-    let slices = series.swap_remove(chosen);
+    let mut groups = groups(input, files, &mut notes, progress)?;
+    let chosen = groups.choose(input, options.series, wanted, &mut notes)?;
+    groups.check(input, chosen, wanted)?;
+    let list: Vec<Value> = groups.list.iter().enumerate().map(|(k, s)| study::entry(s, k == chosen)).collect();
+    let slices = groups.slices.swap_remove(chosen);
     let (modality, patient_position) = (slices[0].modality.clone(), slices[0].patient_position.clone());
     if modality != "CT" && wanted == Modality::Ct {
         return Err(Error::file(input, format!("its modality is {modality}, whose values are not HU"), "give a CT"));
@@ -81,83 +72,66 @@ pub(crate) fn load(
     facts.insert("patient_position".to_owned(), json!(patient_position));
     let gaps: Vec<Value> = stack.gaps.iter().map(|g| json!({ "after_slice": g.after, "missing": g.missing })).collect();
     facts.insert("slice_gaps".to_owned(), json!(gaps));
-    facts.insert("series".to_owned(), list);
+    facts.insert("series".to_owned(), json!(list));
     notes.extend(stack.notes.iter().cloned());
     let volume = volume(input, stack, &mut notes, progress)?;
     Ok(Read { volume, notes, facts })
 }
 
-/// Groups slices by series, in the stable order that `--series` counts: by number, then UID. Localizers are kept
-/// separate from the slices they were taken for.
-fn into_series(slices: impl Iterator<Item = Slice>) -> Vec<Vec<Slice>> {
-    let mut map: BTreeMap<(i64, String, bool), Vec<Slice>> = BTreeMap::new();
-    for s in slices {
-        map.entry((s.series_number.unwrap_or(i64::MAX), s.series.clone(), s.localizer)).or_default().push(s);
+/// Returns the study in `files` of `input`, with pictures of at most `side` pixels a side.
+///
+/// # Errors
+/// Returns status 3 if no file can be read, status 4 if cancelled. A series that cannot be decoded has no picture.
+pub(crate) fn study(input: &Path, files: &[PathBuf], side: usize, progress: &Progress) -> Result<Study> {
+    let groups = groups(input, files, &mut Vec::new(), progress)?;
+    progress.stage("making pictures", groups.slices.len() as u64);
+    let mut pictures = Vec::with_capacity(groups.slices.len());
+    for slices in &groups.slices {
+        progress.advance(1)?;
+        pictures.push(study::middle(slices).and_then(|s| picture::picture(s, side, progress).ok()));
     }
-    map.into_values().collect()
+    progress.check()?;
+    let usual = list::usual(&groups.list).or((groups.list.len() == 1).then_some(0));
+    Ok(Study { series: groups.list, pictures, usual })
 }
 
-fn choose(input: &Path, series: &[Vec<Slice>], asked: Option<usize>, notes: &mut Vec<String>) -> Result<usize> {
-    if let Some(n) = asked {
-        return match n.checked_sub(1).filter(|k| *k < series.len()) {
-            Some(k) => Ok(k),
-            None => Err(Error::file(
-                input,
-                format!("has no series {n}, only {}: {}", series.len(), words(series)),
-                "choose one with --series N",
-            )),
-        };
-    }
-    if series.len() == 1 {
-        return Ok(0);
-    }
-    let long = |s: &Vec<Slice>| s[0].modality == "CT" && !s[0].localizer && s.len() > FEW_SLICES;
-    let mut candidates = series.iter().enumerate().filter(|(_, s)| long(s));
-    match (candidates.next(), candidates.next()) {
-        (Some((k, s)), None) => {
-            let (n, all) = (k + 1, series.len());
-            notes.push(format!(
-                "series {n} of {all} was taken, the only CT with more than {FEW_SLICES} slices ({})",
-                s.len()
-            ));
-            Ok(k)
-        }
-        _ => {
-            let why = format!("holds {} series: {}", series.len(), words(series));
-            let choices = (1..).zip(series).map(|(n, s)| in_words(n, s)).collect();
-            Err(Error { choices, ..Error::file(input, why, "choose one with --series N") })
-        }
-    }
-}
-
-/// Describes the series, for messages.
-fn words(series: &[Vec<Slice>]) -> String {
-    (1..).zip(series).map(|(n, s)| in_words(n, s)).collect::<Vec<_>>().join(", ")
-}
-
-/// Describes one series.
-fn in_words(number: usize, slices: &[Slice]) -> String {
-    let f = &slices[0].file;
-    let kind = if slices[0].localizer { " localizer" } else { "" };
-    let words = format!("{number} = {}{kind}, {} slices of {}×{}", slices[0].modality, slices.len(), f.cols, f.rows);
-    // The semicolon separates the parts of a message.
-    words.replace(';', ",")
-}
-
-/// Returns the series as `info` lists them.
-fn list(series: &[Vec<Slice>], chosen: usize) -> Value {
-    let one = |(k, s): (usize, &Vec<Slice>)| {
-        json!({
-            "series": k + 1,
-            "number": s[0].series_number,
-            "modality": s[0].modality,
-            "slices": s.len(),
-            "columns": s[0].file.cols,
-            "rows": s[0].file.rows,
-            "chosen": k == chosen,
+/// Reads the headers of `files` and groups the slices by series. Files whose series cannot be determined are left out, with a
+/// note, if there are several series that they can belong to.
+///
+/// # Errors
+/// Returns status 3 if there is no image, or for the first file that cannot be read; status 4 if cancelled.
+fn groups(input: &Path, files: &[PathBuf], notes: &mut Vec<String>, progress: &Progress) -> Result<Groups> {
+    progress.stage("reading headers", files.len() as u64);
+    let read: Vec<Result<Vec<Slice>>> = files
+        .par_iter()
+        .map(|f| {
+            progress.advance(1)?;
+            slice::read(f)
         })
-    };
-    series.iter().enumerate().map(one).collect()
+        .collect();
+    progress.check()?;
+    let (mut slices, mut unread) = (Vec::new(), Vec::new());
+    for (file, read) in files.iter().zip(read) {
+        match read {
+            Ok(some) => slices.extend(some),
+            // The index of a medium is never needed.
+            Err(_) if file.file_name().is_some_and(|n| n.eq_ignore_ascii_case("DICOMDIR")) => {}
+            Err(e) => unread.push(e),
+        }
+    }
+    let groups = Groups::of(slices.into_iter());
+    match unread.first() {
+        Some(first) if groups.images() < 2 => return Err(first.clone()),
+        Some(first) => {
+            let n = unread.len();
+            notes.push(format!("left out what cannot be read, {n} in all, the first: {}: {}", first.what, first.why));
+        }
+        None => {}
+    }
+    if groups.images() == 0 {
+        return Err(Error::file(input, "holds no DICOM image", "give a CT series"));
+    }
+    Ok(groups)
 }
 
 fn refuse_gaps(input: &Path, stack: &Stack) -> Result<()> {

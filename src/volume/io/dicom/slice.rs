@@ -6,11 +6,11 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::dataset::{self, DataSet, Fault, Item, PixelPlace, Tag};
+use super::origin::Origin;
 use crate::error::{Error, Result};
 use crate::volume::io::source;
 
 const SOP_CLASS: Tag = (0x0008, 0x0016);
-const IMAGE_TYPE: Tag = (0x0008, 0x0008);
 const MODALITY: Tag = (0x0008, 0x0060);
 const THICKNESS: Tag = (0x0018, 0x0050);
 const BETWEEN: Tag = (0x0018, 0x0088);
@@ -97,8 +97,8 @@ pub(crate) struct Slice {
     pub modality: String,
     /// HFS, FFP, …
     pub patient_position: Option<String>,
-    /// True if it is a localizer (a scout view) among the slices.
-    pub localizer: bool,
+    /// What its series holds, and of whom.
+    pub origin: Arc<Origin>,
     /// World directions of increasing column index and of increasing row index.
     pub axes: Option<[DVec3; 2]>,
     /// World position of the first pixel's centre, mm LPS.
@@ -115,8 +115,8 @@ pub(crate) struct Slice {
     pub fault: Option<Error>,
 }
 
-/// Reads the slices of a file. The result is empty for DICOM without an image. A slice with a `fault` stands for an
-/// unusable one.
+/// Reads the slices of a file. A slice with a `fault` stands for an unusable one, and for a file without an image, unless that is
+/// the index of a medium (a DICOMDIR).
 ///
 /// # Errors
 /// Returns status 3 if not even the series can be determined.
@@ -132,11 +132,27 @@ pub(crate) fn read(path: &Path) -> Result<Vec<Slice>> {
                 break (set, room);
             }
             Err(Fault::Short) if (bytes.len() as u64) < len => bytes = head(path, (16 * bytes.len() as u64).min(len))?,
-            Err(Fault::Short) => return Err(bad("ends early, inside its header".to_owned())),
-            Err(Fault::Bad(why)) => return Err(bad(why)),
+            Err(fault) => {
+                let fault = bad(match fault {
+                    Fault::Short => "ends early, inside its header".to_owned(),
+                    Fault::Bad(why) => why,
+                });
+                let root = dataset::parse_start(&bytes);
+                // Another series can be opened all the same.
+                let known = root.text(SERIES_UID).is_some() && root.text(MODALITY).is_some();
+                let set = DataSet { root, syntax: String::new(), pixels: None };
+                return if known { Ok(vec![standing_for(path, &set, fault, true)]) } else { Err(fault) };
+            }
         }
     };
     Ok(slices(path, &set, room))
+}
+
+/// Returns a slice that stands for an unusable one.
+fn standing_for(path: &Path, set: &DataSet, fault: Error, image: bool) -> Slice {
+    let place = PixelPlace { offset: 0, length: None };
+    let file = unusable(path, set, set.pixels.unwrap_or(place));
+    Slice { fault: Some(fault), ..base(file, &set.root, image) }
 }
 
 fn head(path: &Path, bytes: u64) -> Result<Vec<u8>> {
@@ -149,36 +165,41 @@ fn head(path: &Path, bytes: u64) -> Result<Vec<u8>> {
 
 fn slices(path: &Path, set: &DataSet, room: u64) -> Vec<Slice> {
     let root = &set.root;
-    let Some(pixels) = set.pixels else { return Vec::new() };
-    let (file, fault) = match file_head(path, set, pixels, room) {
-        Ok(file) => (file, None),
-        Err(fault) => (unusable(path, set, pixels), Some(fault)),
+    let Some(pixels) = set.pixels else {
+        let is_index = root.text(SERIES_UID).is_none() && root.text(MODALITY).is_none();
+        let fault = Error::file(path, "contains no image", "choose a series with images");
+        return if is_index { Vec::new() } else { vec![standing_for(path, set, fault, false)] };
     };
-    let image_type = root.text(IMAGE_TYPE).unwrap_or_default();
+    let file = match file_head(path, set, pixels, room) {
+        Ok(file) => file,
+        Err(fault) => return vec![standing_for(path, set, fault, true)],
+    };
+    let base = base(file, root, true);
+    let frames: Result<Vec<Slice>> = (0..base.file.frames).map(|k| base.frame(path, root, k)).collect();
+    frames.unwrap_or_else(|fault| vec![Slice { fault: Some(fault), ..base }])
+}
+
+/// Returns what the slices of a file share.
+fn base(file: FileHead, root: &Item, image: bool) -> Slice {
     let ct = ["1.2.840.10008.5.1.4.1.1.2", "1.2.840.10008.5.1.4.1.1.2.1"];
     let by_class = root.text(SOP_CLASS).filter(|c| ct.contains(&c.as_str())).map(|_| "CT".to_owned());
-    let base = Slice {
+    Slice {
         frame: 0,
         // Anonymised files may have lost the UID; files without one are treated as one series.
         series: root.text(SERIES_UID).unwrap_or_default(),
         series_number: root.decimal(SERIES_NUMBER).map(|n| n as i64),
         modality: root.text(MODALITY).or(by_class).unwrap_or_else(|| "unknown".to_owned()),
         patient_position: root.text(PATIENT_POSITION),
-        localizer: image_type.split('\\').any(|t| t == "LOCALIZER"),
+        origin: Arc::new(Origin::of(root, image)),
         axes: None,
         position: None,
         spacing: None,
         depth: None,
         slope: 1.0,
         intercept: 0.0,
-        fault,
+        fault: None,
         file: Arc::new(file),
-    };
-    if base.fault.is_some() {
-        return vec![base];
     }
-    let frames: Result<Vec<Slice>> = (0..base.file.frames).map(|k| base.frame(path, root, k)).collect();
-    frames.unwrap_or_else(|fault| vec![Slice { fault: Some(fault), ..base }])
 }
 
 impl Slice {
