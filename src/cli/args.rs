@@ -9,6 +9,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::{Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 
+pub use crate::cli::phantom_args::{PhantomArgs, PhantomFeature, PhantomPosition, PhantomSize};
 pub use crate::cli::values::{Pair, Point, Triple};
 pub use crate::render::ImageSize;
 
@@ -372,29 +373,6 @@ pub struct MeasureArgs {
     pub stats: Option<PathBuf>,
 }
 
-/// `phantom`'s arguments.
-#[derive(ClapArgs, Clone, Debug)]
-pub struct PhantomArgs {
-    /// Output volume; the ending selects the format
-    #[arg(long, value_name = "V.nii.gz")]
-    pub out: PathBuf,
-    /// Write the ground truth as JSON
-    #[arg(long, value_name = "T.json")]
-    pub truth: Option<PathBuf>,
-    /// Size of the colon and its voxels
-    #[arg(long, value_enum, default_value = "standard")]
-    pub size: PhantomSize,
-    /// Features to include
-    #[arg(long, value_enum, value_delimiter = ',', default_value = "folds,polyps,noise")]
-    pub with: Vec<PhantomFeature>,
-    /// The patient's position: fluid runs to the side that is down
-    #[arg(long, value_enum, default_value = "supine")]
-    pub position: PhantomPosition,
-    /// Also write the same colon without tag and stool
-    #[arg(long, value_name = "F.nii.gz")]
-    pub twin: Option<PathBuf>,
-}
-
 /// `info`'s arguments.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct InfoArgs {
@@ -578,62 +556,6 @@ pub enum LabelName {
     Other,
     /// 4: the colon's wall.
     Wall,
-}
-
-/// The phantom's sizes.
-#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-#[value(rename_all = "lower")]
-pub enum PhantomSize {
-    /// Quick to make; about 0.7 m of colon.
-    Small,
-    /// An adult colon at CT resolution.
-    Standard,
-    /// An adult colon at twice that resolution.
-    Large,
-}
-
-/// Features of a phantom.
-#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-#[value(rename_all = "lower")]
-pub enum PhantomFeature {
-    /// Haustral folds.
-    Folds,
-    /// Polyps of known size.
-    Polyps,
-    /// Tagged fluid with a horizontal level.
-    Fluid,
-    /// Tagged fluid, some of it deep, with thin folds and polyps in it.
-    Pools,
-    /// Films of tag on the wall.
-    Films,
-    /// Tagged stool with bubbles.
-    Stool,
-    /// Tag from 200 to 1200 HU, layered and patchy.
-    Inhomogeneous,
-    /// Tissue beside tag appears brighter.
-    Pseudo,
-    /// Thin strands across the lumen.
-    Bridges,
-    /// Polyps of every shape and site: sessile, stalked and flat, on the wall, on folds and between them.
-    Lesions,
-    /// What is no polyp and misleads detectors: odd folds, the ileocecal valve, a rectal tube, untagged stool.
-    Decoys,
-    /// Scanner noise.
-    Noise,
-}
-
-/// Positions of a phantom's patient.
-#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-#[value(rename_all = "lower")]
-pub enum PhantomPosition {
-    /// On the back.
-    Supine,
-    /// On the belly.
-    Prone,
-    /// On the left side.
-    Left,
-    /// On the right side.
-    Right,
 }
 
 /// Subjects of a report.

@@ -10,6 +10,7 @@ mod info;
 mod measure;
 mod own;
 mod phantom;
+mod phantom_args;
 mod plane;
 mod prepare;
 mod render;

@@ -15,8 +15,11 @@ use crate::volume::io;
 /// Returns status 2 for an unknown ending, 4 if cancelled, 5 if an output cannot be written.
 pub(crate) fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> Result<()> {
     let volumes = || std::iter::once(&args.out).chain(&args.twin).map(PathBuf::as_path);
-    output::check_targets(&[], &volumes().chain(args.truth.as_deref()).collect::<Vec<_>>())?;
-    volumes().try_for_each(io::check_ending)?;
+    output::check_targets(
+        &[],
+        &volumes().chain(args.truth.as_deref()).chain(args.labels.as_deref()).collect::<Vec<_>>(),
+    )?;
+    volumes().chain(args.labels.as_deref()).try_for_each(io::check_ending)?;
     let has = |feature| args.with.contains(&feature);
     let phantom = Phantom::new(&PhantomSettings {
         size: match args.size {
@@ -41,6 +44,11 @@ pub(crate) fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> R
         bridges: has(PhantomFeature::Bridges),
         lesions: has(PhantomFeature::Lesions),
         decoys: has(PhantomFeature::Decoys),
+        ileum: has(PhantomFeature::Ileum),
+        stomach: has(PhantomFeature::Stomach),
+        lungs: has(PhantomFeature::Lungs),
+        collapsed: has(PhantomFeature::Collapsed),
+        pelvis: has(PhantomFeature::Pelvis),
         noise: has(PhantomFeature::Noise),
         seed: global.seed.unwrap_or(1),
     });
@@ -51,6 +59,10 @@ pub(crate) fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> R
     drop(volume);
     if let Some(path) = &args.twin {
         io::save(path, &phantom.twin().voxelise(&phantom.grid(), progress)?, progress)?;
+    }
+    if let Some(path) = &args.labels {
+        let grid = phantom.grid();
+        io::save_mask(path, &grid, &phantom.labels(&grid, progress)?, progress)?;
     }
     match truth {
         Some((path, truth)) => output::write_json(path, &truth),

@@ -11,16 +11,8 @@ const COMMANDS: [&str; 4] = ["unfold", "match", "dataset", "batch"];
 /// Planned options of built commands.
 const OPTIONS: [&str; 5] = ["--second", "--coverage-mesh", "--review", "--normals", "--truth"];
 /// Planned values of built options, and of the argument `<SUBJECT>`.
-const VALUES: [(&str, &str); 8] = [
-    ("--camera", "fisheye"),
-    ("--camera", "panorama"),
-    ("<SUBJECT>", "coverage"),
-    ("<SUBJECT>", "unfold"),
-    ("--with", "ileum"),
-    ("--with", "stomach"),
-    ("--with", "lungs"),
-    ("--with", "collapsed"),
-];
+const VALUES: [(&str, &str); 4] =
+    [("--camera", "fisheye"), ("--camera", "panorama"), ("<SUBJECT>", "coverage"), ("<SUBJECT>", "unfold")];
 
 /// Refuses a command that is not built yet; `place` is the command's position in the line. An input with such a name needs a path
 /// (`./unfold`) or an explicit command (`fly unfold`).

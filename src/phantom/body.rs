@@ -2,11 +2,15 @@
 
 use glam::DVec3;
 
-use super::profile::{FAT, GAS, mix, smooth_step};
+use super::chest::Chest;
+use super::content::Content;
+use super::pelvis;
+use super::profile::{FAT, GAS, mix, smooth_min, smooth_step};
+use super::settings::{PhantomSettings, Position};
 use crate::math::hash;
 
 /// An ellipsoid with a constant value.
-struct Organ {
+pub(crate) struct Organ {
     centre: DVec3,
     /// Reciprocals of the half axes.
     inverse: DVec3,
@@ -14,7 +18,7 @@ struct Organ {
     hu: f64,
 }
 
-const fn organ(centre: [f64; 3], semi: [f64; 3], hu: f64) -> Organ {
+pub(crate) const fn organ(centre: [f64; 3], semi: [f64; 3], hu: f64) -> Organ {
     let [a, b, c] = semi;
     Organ {
         centre: DVec3::from_array(centre),
@@ -42,6 +46,9 @@ const ORGANS: [Organ; 13] = [
     organ([0.0, 122.0, -30.0], [58.0, 14.0, 260.0], 52.0),
 ];
 
+/// The bit of the stomach's wall among the organs.
+const STOMACH: u32 = 1 << 2;
+
 /// The bases of the two lungs. The diaphragm is a shell around them.
 const LUNGS: [Organ; 2] =
     [organ([84.0, 24.0, 226.0], [56.0, 72.0, 38.0], -860.0), organ([-84.0, 24.0, 228.0], [56.0, 72.0, 38.0], -860.0)];
@@ -54,7 +61,7 @@ const HALF: [f64; 2] = [164.0, 128.0];
 const DIAPHRAGM_MM: f64 = 3.5;
 
 /// A value under construction: layers are painted over it.
-struct Paint {
+pub(crate) struct Paint {
     hu: f64,
     edge: f64,
     free: f64,
@@ -64,11 +71,21 @@ impl Paint {
     /// Changes the value to `hu` where the depth `d` passes from negative to positive. `d` is in mm and must not change
     /// faster than the position.
     #[inline]
-    fn over(&mut self, d: f64, hu: f64) {
+    pub(crate) fn over(&mut self, d: f64, hu: f64) {
         self.free = self.free.min(d.abs() - self.edge);
         if d > -self.edge {
             self.hu = mix(self.hu, hu, smooth_step(-self.edge, self.edge, d));
         }
+    }
+
+    /// Says that the value varies here.
+    pub(crate) fn varies(&mut self) {
+        self.free = 0.0;
+    }
+
+    /// Returns the distance from an edge within which its blur reaches, mm.
+    pub(crate) fn edge(&self) -> f64 {
+        self.edge
     }
 }
 
@@ -79,10 +96,7 @@ pub(crate) struct Near {
     organs: u32,
     lungs: bool,
     spine: bool,
-}
-
-impl Near {
-    const ALL: Self = Self { organs: (1 << ORGANS.len()) - 1, lungs: true, spine: true };
+    pelvis: bool,
 }
 
 /// The body at a given scale, with edges blurred over a few tenths of a millimetre.
@@ -91,6 +105,12 @@ pub(crate) struct Body {
     scale: f64,
     sigma: f64,
     seed: u64,
+    position: Position,
+    /// The lungs, instead of their bases.
+    chest: Option<Chest>,
+    pelvis: bool,
+    /// One bit for each organ that there is.
+    organs: u32,
 }
 
 /// A value and the distance over which it stays constant.
@@ -105,12 +125,70 @@ pub(crate) struct Sample {
 impl Body {
     /// Creates a body of `scale` (1 is an adult) with edges of `sigma` mm.
     pub(crate) fn new(scale: f64, sigma: f64, seed: u64) -> Self {
-        Self { scale, sigma, seed }
+        let organs = (1 << ORGANS.len()) - 1;
+        Self { scale, sigma, seed, position: Position::Supine, chest: None, pelvis: false, organs }
+    }
+
+    /// Returns the body of a phantom with these settings: its position on the table and its organs.
+    pub(crate) fn with(self, settings: &PhantomSettings) -> Self {
+        let chest = settings.lungs.then(|| Chest::new(self.seed, settings.seed));
+        let organs = if settings.stomach { self.organs & !STOMACH } else { self.organs };
+        Self { position: settings.position, chest, pelvis: settings.pelvis, organs, ..self }
+    }
+
+    fn all(&self) -> Near {
+        Near { organs: self.organs, lungs: true, spine: true, pelvis: self.pelvis }
+    }
+
+    /// Returns what is at `p` (world, mm), without the gut.
+    pub(crate) fn content(&self, p: DVec3) -> Content {
+        let o = p / self.scale;
+        if self.skin(o) < 0.0 {
+            let table = (5.0 * self.scale - self.tray(o).abs()) > 0.0;
+            return if table { Content::Tissue } else { Content::Outside };
+        }
+        if self.lung_depth(p) > 0.0 { Content::Lung } else { Content::Tissue }
+    }
+
+    /// Returns the depth inside a lung at `p` (world, mm), mm; negative outside.
+    pub(crate) fn lung_depth(&self, p: DVec3) -> f64 {
+        let o = p / self.scale;
+        let depth = match &self.chest {
+            Some(chest) => chest.depth(o),
+            None => LUNGS.iter().map(|lung| lung.depth(o)).fold(f64::NEG_INFINITY, f64::max),
+        };
+        depth * self.scale
+    }
+
+    /// Returns the depth below the skin at `o` (an adult's mm), mm. The side that is down is flat.
+    fn skin(&self, o: DVec3) -> f64 {
+        let q = o - CENTRE;
+        let round =
+            (1.0 - ((q.x / HALF[0]).powi(2) + (q.y / HALF[1]).powi(2)).sqrt()) * HALF[0].min(HALF[1]) * self.scale;
+        match self.position {
+            Position::Supine => round,
+            Position::Prone => smooth_min(round, (122.0 + q.y) * self.scale, 12.0 * self.scale),
+            Position::Left | Position::Right => {
+                smooth_min(round, (158.0 - q.dot(self.position.down())) * self.scale, 12.0 * self.scale)
+            }
+        }
+    }
+
+    /// Returns the signed distance of `o` (an adult's mm) to the middle of the table, a shallow tray on the side that is down, mm.
+    fn tray(&self, o: DVec3) -> f64 {
+        let q = o - CENTRE;
+        let (down, across, away) = match self.position {
+            Position::Supine => (q.y, q.x, 141.0),
+            Position::Prone => (-q.y, q.x, 135.0),
+            Position::Left => (q.x, q.y, 169.0),
+            Position::Right => (-q.x, q.y, 169.0),
+        };
+        (down - away - 0.0006 * across * across) * self.scale
     }
 
     /// Returns the value at `p` (world, mm) without the colon, HU.
     pub(crate) fn value(&self, p: DVec3) -> f64 {
-        self.paint(p, Near::ALL).hu
+        self.paint(p, self.all()).hu
     }
 
     /// Same as [`Body::value`], restricted to the parts in `near`.
@@ -120,7 +198,7 @@ impl Body {
 
     /// Returns the value at `p` (world, mm) and the distance over which it stays constant.
     pub(crate) fn sample(&self, p: DVec3) -> Sample {
-        let paint = self.paint(p, Near::ALL);
+        let paint = self.paint(p, self.all());
         Sample { hu: paint.hu, constant_mm: paint.free.max(0.0) }
     }
 
@@ -129,22 +207,22 @@ impl Body {
         let (o, more) = (centre / self.scale, (reach + 2.0 * self.sigma) / self.scale);
         let touches = |organ: &Organ, more: f64| organ.depth(o) > -more;
         let organs = (0..ORGANS.len()).filter(|&i| touches(&ORGANS[i], more)).fold(0, |bits, i| bits | 1 << i);
-        let lungs = LUNGS.iter().any(|l| touches(l, more + DIAPHRAGM_MM / self.scale));
+        let organs = organs & self.organs;
+        let lungs = self.chest.is_some() || LUNGS.iter().any(|l| touches(l, more + DIAPHRAGM_MM / self.scale));
         // A generous box around the spine.
         let spine = o.x.abs() < 30.0 + more && o.y > 54.0 - more;
-        Near { organs, lungs, spine }
+        let pelvis = self.pelvis && o.z < pelvis::TOP + more;
+        Near { organs, lungs, spine, pelvis }
     }
 
     /// Paints the layers from the outside in, each over the previous ones.
     fn paint(&self, p: DVec3, near: Near) -> Paint {
         let (o, scale, edge) = (p / self.scale, self.scale, 2.0 * self.sigma);
-        let q = o - CENTRE;
         let mut paint = Paint { hu: GAS, edge, free: f64::INFINITY };
-        let skin = (1.0 - ((q.x / HALF[0]).powi(2) + (q.y / HALF[1]).powi(2)).sqrt()) * HALF[0].min(HALF[1]) * scale;
+        let skin = self.skin(o);
         if skin < -edge {
-            // The table: a shallow tray under the back. 1.04 bounds how much steeper it is than level.
-            let tray = (q.y - 141.0 - 0.0006 * q.x * q.x) * scale;
-            paint.over((5.0 * scale - tray.abs()) / 1.04, -720.0);
+            // The table. 1.04 bounds how much steeper it is than level.
+            paint.over((5.0 * scale - self.tray(o).abs()) / 1.04, -720.0);
             paint.free = paint.free.min(-skin - edge);
             return paint;
         }
@@ -164,13 +242,22 @@ impl Body {
         if near.spine {
             self.spine(o, &mut paint);
         }
+        if near.pelvis {
+            let bone = (pelvis::depth(o) * scale).min(skin - 6.0 * scale);
+            paint.over(bone, 420.0);
+            paint.over(bone - 2.2 * scale, 175.0);
+        }
+        if let Some(chest) = self.chest.as_ref().filter(|_| near.lungs) {
+            chest.paint(p, scale, &mut paint);
+            return paint;
+        }
         for (i, lung) in LUNGS.iter().enumerate().filter(|_| near.lungs) {
             let d = lung.depth(o) * scale;
             paint.over(d + DIAPHRAGM_MM, 50.0);
             let inside = d > -edge;
-            paint.over(d, lung.hu + if inside { self.lung_texture(p, i as u64) } else { 0.0 });
+            paint.over(d, lung.hu + if inside { lung_texture(self.seed, p, i as u64) } else { 0.0 });
             if inside {
-                paint.free = 0.0;
+                paint.varies();
             }
         }
         paint
@@ -194,20 +281,20 @@ impl Body {
         let disc = (4.5 - 34.0 * (z - z.floor() - 0.5).abs()) * self.scale;
         paint.over(disc.min(d + 0.5 * self.scale), 90.0);
     }
+}
 
-    /// Lung vessels: bright branching ridges on a dark background, with a standard deviation of about 70 HU.
-    fn lung_texture(&self, p: DVec3, side: u64) -> f64 {
-        let seed = hash::bits(self.seed, 0x1046 + side);
-        let ridge = 1.0 - (2.0 * lattice(seed, p / 9.0) - 1.0).abs() * 3.0;
-        let fine = lattice(seed ^ 1, p / 3.1) - 0.5;
-        220.0 * ridge.max(0.0).powi(2) + 150.0 * fine - 40.0
-    }
+/// Lung vessels: bright branching ridges on a dark background, with a standard deviation of about 70 HU.
+pub(crate) fn lung_texture(seed: u64, p: DVec3, side: u64) -> f64 {
+    let seed = hash::bits(seed, 0x1046 + side);
+    let ridge = 1.0 - (2.0 * lattice(seed, p / 9.0) - 1.0).abs() * 3.0;
+    let fine = lattice(seed ^ 1, p / 3.1) - 0.5;
+    220.0 * ridge.max(0.0).powi(2) + 150.0 * fine - 40.0
 }
 
 impl Organ {
     /// Returns the depth below the surface in an adult's mm: a lower bound of the distance, exact along the shortest
     /// half axis.
-    fn depth(&self, o: DVec3) -> f64 {
+    pub(crate) fn depth(&self, o: DVec3) -> f64 {
         (1.0 - ((o - self.centre) * self.inverse).length()) * self.shortest
     }
 }

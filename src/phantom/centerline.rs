@@ -23,6 +23,18 @@ struct Station {
     spacing: f64,
 }
 
+/// The parts of the colon, and the control point at which each begins.
+pub(crate) const PARTS: [(&str, usize); 8] = [
+    ("rectum", 0),
+    ("sigmoid", 4),
+    ("descending", 11),
+    ("splenic flexure", 15),
+    ("transverse", 17),
+    ("hepatic flexure", 22),
+    ("ascending", 24),
+    ("cecum", 27),
+];
+
 const fn station(at: [f64; 3], radius: f64, triangle: f64, spacing: f64) -> Station {
     Station { at, radius, triangle, spacing }
 }
@@ -84,6 +96,8 @@ pub struct Centerline {
     normals: Spline,
     /// x: mean radius, y: triangularity, z: relative fold spacing.
     profile: Spline,
+    /// Arc length beside each control point, mm.
+    stations: Vec<f64>,
 }
 
 /// A point of the axis that is locally nearest to a position.
@@ -137,11 +151,17 @@ impl Centerline {
         let profile: Vec<DVec3> = (STATIONS.iter().enumerate())
             .map(|(i, s)| DVec3::new(radius(s.radius) * (1.0 + 0.008 * jitter * draw(i, 3)), s.triangle, s.spacing))
             .collect();
+        Self::through(&places, &profile)
+    }
+
+    /// Creates the axis near `places` (world mm), which it is drawn to but does not meet; it starts at the first and ends at
+    /// the last one. For each place, `profile` holds the radius, mm, the triangularity and the fold spacing.
+    pub(crate) fn through(places: &[DVec3], profile: &[DVec3]) -> Self {
         // Measure arc length over the B-spline's parameter by short chords.
         const FINE: usize = 128;
         let count = (places.len() - 1) * FINE;
         let fine: Vec<DVec3> =
-            (0..=count).map(|i| b_spline(&places, i as f64 / FINE as f64, Beyond::PointReflection)).collect();
+            (0..=count).map(|i| b_spline(places, i as f64 / FINE as f64, Beyond::PointReflection)).collect();
         let mut length = vec![0.0; count + 1];
         for i in 0..count {
             length[i + 1] = length[i] + (fine[i + 1] - fine[i]).length();
@@ -156,18 +176,24 @@ impl Centerline {
                 j += 1;
             }
             let u = (j as f64 + ((s - length[j]) / (length[j + 1] - length[j])).clamp(0.0, 1.0)) / FINE as f64;
-            points.push(b_spline(&places, u, Beyond::PointReflection));
-            along.push(b_spline(&profile, u, Beyond::MirrorImage));
+            points.push(b_spline(places, u, Beyond::PointReflection));
+            along.push(b_spline(profile, u, Beyond::MirrorImage));
         }
         let (first, last) = ((fine[1] - fine[0]).normalize(), (fine[count] - fine[count - 1]).normalize());
         let curve = Spline::new(step, points, first, last);
         let normals = transport(&curve);
-        Self { curve, normals, profile: Spline::new(step, along, DVec3::ZERO, DVec3::ZERO) }
+        let stations = length.iter().step_by(FINE).copied().collect();
+        Self { curve, normals, profile: Spline::new(step, along, DVec3::ZERO, DVec3::ZERO), stations }
     }
 
     /// Returns the length between the centres of the two end caps, mm.
     pub fn length(&self) -> f64 {
         self.curve.end()
+    }
+
+    /// Returns the arc length beside each control point, mm.
+    pub(crate) fn stations(&self) -> &[f64] {
+        &self.stations
     }
 
     /// Returns the curve's knots, world mm.

@@ -2,6 +2,7 @@
 
 use glam::{DMat3, DVec3};
 
+use super::bowel::Valve;
 use super::decoys::{Body, Decoy, DecoyKind, Lump, TrueDecoy, Tube};
 use super::features::{CHANNEL_MM, Stream};
 use super::ground::{Ground, Spot, Taken};
@@ -47,9 +48,11 @@ pub(crate) fn place(shape: &mut Shape, down: DVec3, taken: &mut Taken, seed: u64
     }
     shape.folds.extend(folds);
     shape.folds.sort_by(|a, b| a.s.total_cmp(&b.s));
+    // The valve that small bowel opens through.
+    let own = shape.decoys.first().cloned();
     let ground = Ground::new(shape);
     decoys.extend((0..TRIES).find_map(|_| bulge(&ground, &mut draw, taken)));
-    decoys.extend(valve(&ground));
+    decoys.extend(own.or_else(|| valve(&ground)));
     let tube = tube(shape, seed);
     let entry = tube.from + (tube.to - tube.from).normalize() * IN_WALL_MM;
     let truth = at(DecoyKind::Tube, 0.5 * (entry + tube.to), entry.distance(tube.to));
@@ -175,7 +178,7 @@ fn fold_place(shape: &Shape, fold: &Fold, phi: f64) -> DVec3 {
 }
 
 /// Returns the place of the valve: on the medial side, about 50 mm from the cecal end (of an adult's cecum).
-fn valve_spot(ground: &Ground<'_>) -> Option<Spot> {
+pub(crate) fn valve_spot(ground: &Ground<'_>) -> Option<Spot> {
     let axis = &ground.shape.axis;
     let end = axis.length();
     let from_end = if end > 1000.0 { 32.0 } else { 22.0 };
@@ -198,6 +201,14 @@ fn valve(ground: &Ground<'_>) -> Option<Decoy> {
     let lip = |side: f64| Plate { foot: spot.at + across * (side * (0.5 * size.y + 1.0)), axes, size };
     let truth = at(DecoyKind::Valve, spot.at + spot.up * (0.5 * size.z), size.x);
     Some(Decoy { truth, s: spot.s, span_mm: 35.0, body: Body::Valve([lip(-1.0), lip(1.0)]) })
+}
+
+/// Adds the lips that small bowel opens through, and takes away the polyps and folds that would be in their way.
+pub(crate) fn open(shape: &mut Shape, valve: &Valve) {
+    let Valve { spot, lips, height, .. } = *valve;
+    shape.polyps.retain(|p| p.what.position.distance(spot.at) > 0.5 * (p.what.diameter_mm + lips.size.x) + 4.0);
+    let truth = at(DecoyKind::Valve, spot.at + spot.up * (0.5 * height), lips.size.x);
+    shape.decoys.push(Decoy { truth, s: spot.s, span_mm: 35.0, body: Body::Lips(lips) });
 }
 
 /// Returns the tube: through the rectum's end wall, near its posterior wall.

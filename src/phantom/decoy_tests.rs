@@ -35,6 +35,7 @@ fn materials_have_their_hu() {
         for decoy in &phantom.shape.decoys {
             match &decoy.body {
                 Body::Folds => assert!(phantom.value(decoy.truth.position) > -300.0, "{decoy:?}"),
+                Body::Lips(lips) => assert!((phantom.value(lips.foot) - TISSUE).abs() < 20.0, "{decoy:?}"),
                 Body::Bulge(b) => assert!((phantom.value(b.centre) - TISSUE).abs() < 20.0, "{decoy:?}"),
                 Body::Valve(lips) => {
                     for lip in lips {

@@ -62,6 +62,8 @@ pub(crate) enum Body {
     Folds,
     Bulge(Ellipsoid),
     Valve([Plate; 2]),
+    /// The lips of the valve that small bowel opens through.
+    Lips(Plate),
     Tube(Tube),
     Stool(Lump),
 }
@@ -144,6 +146,7 @@ impl Decoy {
             Body::Folds => base,
             Body::Bulge(bulge) => base.join(bulge.surface(p), FILLET_MM),
             Body::Valve([a, b]) => base.join(a.surface(p).or(b.surface(p)), FILLET_MM),
+            Body::Lips(lips) => base.join(lips.surface(p), FILLET_MM),
             Body::Tube(tube) => tube.grow_on(base, p),
             Body::Stool(lump) => base.join(lump.surface(p), FILLET_MM),
         }
@@ -154,7 +157,7 @@ impl Decoy {
         // The decoy's material reaches its own surface.
         let within = |surface: Surface| smooth_step(-1.0, 0.0, surface.d);
         match &self.body {
-            Body::Folds | Body::Bulge(_) => tissue,
+            Body::Folds | Body::Bulge(_) | Body::Lips(_) => tissue,
             Body::Valve([a, b]) => mix(tissue, FAT_HU, smooth_step(1.0, 2.0, a.surface(p).or(b.surface(p)).d)),
             Body::Tube(tube) => mix(mix(tissue, BALLOON_HU, within(tube.skin(p))), TUBE_HU, within(tube.pipe(p))),
             Body::Stool(lump) => {

@@ -4,8 +4,13 @@
 //! shape its wall (`shape`, placed by `features`). The abdomen surrounds it (`body`). Every edge is blurred like
 //! a scanner's, by a normal distribution. The wall is where the value is −650 HU against gas.
 
+mod bodies;
 pub(crate) mod body;
+mod bowel;
 mod centerline;
+mod chest;
+mod collapse;
+mod content;
 mod decoy_placing;
 #[cfg(test)]
 mod decoy_tests;
@@ -13,22 +18,27 @@ mod decoys;
 mod features;
 mod ground;
 mod growth;
+mod gut;
+#[cfg(test)]
+mod gut_tests;
 #[cfg(test)]
 mod lesion_tests;
 mod lesions;
+mod pelvis;
 mod placing;
 pub(crate) mod profile;
+mod room;
 mod settings;
 mod shape;
 mod solid;
 mod spline;
+mod stomach;
 mod tag;
 #[cfg(test)]
 mod tests;
 mod truth;
 mod voxelise;
 
-use std::f64::consts::PI;
 use std::ops::Range;
 
 use glam::{DMat3, DVec3};
@@ -40,12 +50,15 @@ use crate::volume::{Grid, Volume};
 use body::Body;
 use centerline::FootPoint;
 use features::{FLUID_SHARE, Pool, Stream};
-use ground::Taken;
+use gut::{Guts, Run};
 use profile::{FAT, FLUID, GAS, TISSUE, mix, normal_cdf, sheet_share, smooth_min, smooth_step, tissue_share};
+use room::{grow, has_room};
 use shape::{Attached, DEEP, Distances, Shape};
 use tag::{Kinds, Seen, Tag};
 
+pub use bodies::{BodyKind, NamedPart, TrueBody, TrueValve};
 pub use centerline::{Centerline, Frame};
+pub use content::Content;
 pub use decoys::{DecoyKind, TrueDecoy};
 pub use lesions::{PolypShape, PolypSite};
 pub use settings::{NOISE_HU, PhantomSettings, Position, Scanner, Size};
@@ -75,6 +88,9 @@ pub struct Phantom {
     body: Body,
     /// Pools of the feature `fluid`.
     pools: Vec<Pool>,
+    /// Small bowel and stomach.
+    guts: Guts,
+    valve: Option<bowel::Valve>,
     /// The other kinds of tag.
     tag: Option<Tag>,
     /// For each knot of the axis, the distance within which positions depend on it, mm.
@@ -109,6 +125,13 @@ impl Phantom {
             Size::Large => 0.26,
         });
         let (seed, down) = (settings.seed, settings.position.down());
+        if settings.collapsed {
+            collapse::close(&mut shape, seed);
+        }
+        let valve = if settings.ileum { bowel::valve(&shape, seed) } else { None };
+        if let Some(valve) = &valve {
+            decoy_placing::open(&mut shape, valve);
+        }
         let mut pools = if settings.fluid { features::pools(&shape, down, || FLUID_SHARE) } else { Vec::new() };
         let mut tag = None;
         if settings.pools || settings.films || settings.stool {
@@ -117,9 +140,13 @@ impl Phantom {
                 let mut draw = Stream::new(seed, 32);
                 pools = features::pools(&shape, down, || 0.25 + 0.65 * draw.within(0.0, 1.0).powi(2));
                 features::submerge(&mut shape, &pools, down, sigma, seed);
+                if settings.collapsed {
+                    collapse::close(&mut shape, seed);
+                }
             }
             let PhantomSettings { films, stool, inhomogeneous, pseudo, position, .. } = *settings;
             let mut own = Tag::new(&shape, &pools, Kinds { films, stool, inhomogeneous, pseudo }, position, seed);
+            own.keep_off(&shape.collapsed.iter().map(|c| [c.from, c.to]).collect::<Vec<_>>());
             if let Some(hu) = scanner.tag_hu {
                 own.set_hu(hu);
             }
@@ -133,9 +160,22 @@ impl Phantom {
         let reach = (0..shape.axis.knots().len())
             .map(|i| shape.largest_radius(i as f64 * shape.axis.knot_step()) + DEEP + 1.5)
             .collect();
-        let body = Body::new(scale, sigma, hash::bits(seed, 0xB0D7));
+        let body = Body::new(scale, sigma, hash::bits(seed, 0xB0D7)).with(settings);
+        let guts = gut::place(&shape, scale, valve.as_ref(), settings);
         let noise_seed = hash::bits(seed, 0x4015E);
-        Self { settings: *settings, shape, body, pools, tag, reach, sigma, noise_hu: scanner.noise_hu, noise_seed }
+        Self {
+            settings: *settings,
+            shape,
+            body,
+            pools,
+            guts,
+            valve,
+            tag,
+            reach,
+            sigma,
+            noise_hu: scanner.noise_hu,
+            noise_seed,
+        }
     }
 
     /// Returns the same colon without tag, with the same noise.
@@ -196,7 +236,7 @@ impl Phantom {
 
     /// Returns the noise-free value at a position (world, mm LPS), HU.
     pub fn value(&self, world: DVec3) -> f64 {
-        self.value_among(world, &[self.all_knots()], |p| self.body.value(p))
+        self.value_among(world, &[self.all_knots()], &self.guts.all_runs(), |p| self.body.value(p))
     }
 
     /// Returns the gradient of [`Phantom::value`], HU/mm, in world directions.
@@ -208,7 +248,9 @@ impl Phantom {
         const H: f64 = 1e-3;
         let mut runs = Vec::new();
         self.runs_near(world, 4.0 * H, &mut runs);
-        let f = |d: DVec3| self.value_among(world + d, &runs, |p| self.body.value(p));
+        let mut guts = Vec::new();
+        self.guts.runs_near(world, 4.0 * H, &mut guts);
+        let f = |d: DVec3| self.value_among(world + d, &runs, &guts, |p| self.body.value(p));
         let along = |axis: DVec3| {
             let (a, b) = (axis * H, axis * (2.0 * H));
             (8.0 * (f(a) - f(-a)) - (f(b) - f(-b))) / (12.0 * H)
@@ -284,7 +326,7 @@ impl Phantom {
     }
 
     /// Returns the value at a position, given the relevant runs of knots and the body's value there.
-    fn value_among(&self, p: DVec3, runs: &[Range<usize>], body: impl Fn(DVec3) -> f64) -> f64 {
+    fn value_among(&self, p: DVec3, runs: &[Range<usize>], guts: &[Run], body: impl Fn(DVec3) -> f64) -> f64 {
         let (d, s) = self.distances_among(p, runs);
         let tissue = if d.thickness.is_finite() {
             sheet_share(d.wall, d.thickness, self.sigma)
@@ -299,7 +341,8 @@ impl Phantom {
         };
         let enclosed = || self.shape.decoys_near(s).map(|d| d.enclosed_gas(p)).fold(0.0, f64::max);
         let inside = if inside > GAS { mix(inside, GAS, enclosed()) } else { inside };
-        if tissue <= 0.0 {
+        let gut = if guts.is_empty() { None } else { self.guts.inside(p, guts) };
+        if tissue <= 0.0 && gut.is_none() {
             return inside;
         }
         let solid = self.shape.decoys_near(s).fold(TISSUE, |hu, d| d.material(p, hu));
@@ -312,7 +355,11 @@ impl Phantom {
         } else {
             solid
         };
-        mix(inside, outside + seen.map_or(0.0, |s| s.pseudo_hu), tissue)
+        let outside = outside + seen.map_or(0.0, |s| s.pseudo_hu);
+        match gut {
+            Some(gut) => self.beside_gut(p, &gut, &d, [inside, outside], tissue),
+            None => mix(inside, outside, tissue),
+        }
     }
 
     /// Returns the value of gas, or of fluid below the level of the pool at arc length `s`.
@@ -322,48 +369,4 @@ impl Phantom {
             None => GAS,
         }
     }
-}
-
-/// Adds lesions and decoys to a colon with these polyps, tag and pools, away from each other.
-fn grow(shape: &mut Shape, settings: &PhantomSettings, tag: Option<&Tag>, pools: &[Pool]) {
-    let (seed, down) = (settings.seed, settings.position.down());
-    let mut taken = Taken::default();
-    taken.take(shape.polyps.iter().map(|a| (a.what.position, 0.5 * a.what.diameter_mm)));
-    taken.take(decoy_placing::reserved(shape, seed));
-    if let Some(tag) = tag {
-        taken.take(tag.lumps().map(|lump| (lump.position, 0.5 * lump.diameter_mm)));
-    }
-    if settings.lesions {
-        let pools = tag.map_or_else(|| pools.to_vec(), Tag::pools);
-        shape.lesions = placing::place(shape, &pools, down, &mut taken, seed);
-    }
-    if settings.decoys {
-        decoy_placing::place(shape, down, &mut taken, seed);
-    }
-}
-
-/// True if no two loops' walls are closer than 4 mm and no bend is so tight that the wall would fold over itself.
-fn has_room(axis: &Centerline) -> bool {
-    let tight = |i: usize| {
-        let s = i as f64 * axis.knot_step();
-        axis.curvature(s) * axis.profile(s).radius.0 > 0.72
-    };
-    loop_clearance(axis) >= 4.0 && !(0..axis.knots().len()).any(tight)
-}
-
-/// Returns the least tissue between the plain walls of two loops, mm.
-fn loop_clearance(axis: &Centerline) -> f64 {
-    let knots = axis.knots();
-    let radius: Vec<f64> = (0..knots.len()).map(|i| shape::largest(axis, i as f64 * axis.knot_step())).collect();
-    let mut least = f64::INFINITY;
-    for i in 0..knots.len() {
-        for j in i + 1..knots.len() {
-            // Within a half circle around a bend's inner wall it is the same loop.
-            let along = (j - i) as f64 * axis.knot_step();
-            if along > PI * 0.5 * (radius[i] + radius[j]) + 20.0 {
-                least = least.min((knots[i] - knots[j]).length() - radius[i] - radius[j]);
-            }
-        }
-    }
-    least
 }

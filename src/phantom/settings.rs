@@ -1,6 +1,7 @@
 //! What a phantom is made of: its size, features and position, and the scanner that sees it.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// Standard deviation of the noise, HU.
 pub const NOISE_HU: f64 = 22.0;
@@ -18,7 +19,8 @@ pub enum Size {
 }
 
 /// The patient's position on the table. Fluid runs to the side that is down.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Position {
     /// On the back.
     #[default]
@@ -99,6 +101,16 @@ pub struct PhantomSettings {
     pub lesions: bool,
     /// What is no polyp and misleads detectors: folds that look like one, the ileocecal valve, a rectal tube, untagged stool.
     pub decoys: bool,
+    /// Gas-filled small bowel, joined to the colon by the ileocecal valve: open for odd seeds, closed for even ones.
+    pub ileum: bool,
+    /// A gas-filled stomach with a fluid level.
+    pub stomach: bool,
+    /// The lower parts of both lungs with airways, and the heart between them, instead of the bases alone.
+    pub lungs: bool,
+    /// Stretches where the walls of the colon touch.
+    pub collapsed: bool,
+    /// Pelvic bones.
+    pub pelvis: bool,
     /// Voxel noise of [`NOISE_HU`].
     pub noise: bool,
     /// Seed of the anatomy. Each seed gives a different colon.
@@ -128,6 +140,11 @@ impl Default for PhantomSettings {
             bridges: false,
             lesions: false,
             decoys: false,
+            ileum: false,
+            stomach: false,
+            lungs: false,
+            collapsed: false,
+            pelvis: false,
             noise: true,
             seed: 1,
         }

@@ -9,6 +9,7 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 
 use super::centerline::{Centerline, FootPoint, Profile};
+use super::collapse::Collapse;
 use super::decoys::Decoy;
 use super::lesions::Lesion;
 use super::profile::smooth_step;
@@ -116,6 +117,8 @@ pub(crate) struct Shape {
     pub lesions: Vec<Attached<Lesion>>,
     /// What is no polyp and looks like one.
     pub decoys: Vec<Decoy>,
+    /// Stretches where the lumen is closed.
+    pub collapsed: Vec<Collapse>,
 }
 
 /// A radius with its partial derivatives in arc length and angle.
@@ -169,7 +172,9 @@ impl Shape {
             return Distances { wall: DEEP, plain: DEEP, normal: here.outward, thickness: f64::INFINITY };
         }
         let (surface, thickness) = self.among(p, &here, Surface { d: plain, normal });
-        Distances { wall: surface.d.clamp(-REACH, DEEP), plain, normal: surface.normal, thickness }
+        // The walls that touch are as thick together as they are apart.
+        let cord = self.collapsed.iter().map(|c| c.cord_mm(foot.s)).fold(0.0, f64::max);
+        Distances { wall: surface.d.clamp(-REACH, DEEP), plain: plain - cord, normal: surface.normal, thickness }
     }
 
     /// Returns the surface at `p`, which has this foot point, without saturation.
@@ -201,7 +206,15 @@ impl Shape {
         let profile = self.axis.profile(foot.s);
         let near = profile.radius.0;
         let phi = self.axis.angle(foot);
-        let r = self.plain(foot.s, &profile, phi);
+        let mut r = self.plain(foot.s, &profile, phi);
+        if let Some(collapse) = self.collapsed.iter().find(|c| c.concerns(foot.s)) {
+            let (share, by_s, closed, closed_by_s) = collapse.closure(foot.s);
+            r = Radius {
+                at: r.at * share - closed,
+                by_s: r.by_s * share + r.at * by_s - closed_by_s,
+                by_phi: r.by_phi * share,
+            };
+        }
         // Near the axis the angle is ill-defined, but nothing depends on the distance there.
         let arm = foot.rho.max(0.3 * near);
         let (by_s, by_phi) = (r.by_s / foot.stretch, r.by_phi / arm);
@@ -368,6 +381,7 @@ mod tests {
             bridges: Vec::new(),
             lesions: Vec::new(),
             decoys: Vec::new(),
+            collapsed: Vec::new(),
         };
         for (s, phi) in [(3.0, 1.0), (100.0, 0.31), (432.1, 2.2), (800.0, -2.0), (end - 5.0, 0.7)] {
             let (r, h) = (shape.plain(s, &shape.axis.profile(s), phi), 1e-5);

@@ -141,6 +141,13 @@ impl Tag {
         })
     }
 
+    /// Takes away the lumps of stool and the films within 15 mm of these stretches of arc length.
+    pub(crate) fn keep_off(&mut self, stretches: &[[f64; 2]]) {
+        let free = |s: f64| stretches.iter().all(|[from, to]| !(from - 15.0..=to + 15.0).contains(&s));
+        self.stool.retain(|lump| free(lump.s));
+        self.films.retain(|film| free(film.s));
+    }
+
     /// Gives all tag the same HU.
     pub(crate) fn set_hu(&mut self, hu: f64) {
         self.pools.iter_mut().for_each(|p| p.1 = hu);

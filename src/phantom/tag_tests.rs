@@ -17,6 +17,11 @@ const TAGGED: PhantomSettings = PhantomSettings {
     bridges: false,
     lesions: false,
     decoys: false,
+    ileum: false,
+    stomach: false,
+    lungs: false,
+    collapsed: false,
+    pelvis: false,
     noise: false,
     seed: 1,
 };

@@ -1,3 +1,6 @@
+use std::f64::consts::PI;
+
+use super::room::loop_clearance;
 use super::*;
 use crate::phantom::features::CHANNEL_MM;
 use crate::phantom::profile::WALL_HU;

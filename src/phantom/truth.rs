@@ -4,11 +4,12 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::Phantom;
+use super::bodies::{NamedPart, TrueBody, TrueValve};
 use super::decoys::TrueDecoy;
 use super::lesions::{PolypShape, PolypSite};
 use super::profile::WALL_HU;
 use super::shape::DEEP;
+use super::{Phantom, Position};
 
 /// The ground truth of a phantom.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -27,6 +28,21 @@ pub struct Truth {
     /// The decoys, in the order of the centerline; tagged stool last.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub decoys: Vec<TrueDecoy>,
+    /// The colon's parts, without gaps, from rectum to cecum.
+    #[serde(default)]
+    pub names: Vec<NamedPart>,
+    /// The patient's position.
+    #[serde(default)]
+    pub position: Position,
+    /// The bodies of gas beside the colon; its own segments, too, if it is collapsed.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bodies: Vec<TrueBody>,
+    /// Arc lengths between which the colon is collapsed, mm from the rectal end.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub collapsed: Vec<[f64; 2]>,
+    /// The ileocecal valve, if there is small bowel.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub valve: Option<TrueValve>,
     /// The wall's iso-value, HU.
     pub wall_hu: i32,
 }
@@ -68,6 +84,11 @@ impl Phantom {
             lumen_ml: self.lumen_ml(),
             polyps: self.measured_polyps(),
             decoys: self.decoys(),
+            names: self.names(),
+            position: self.settings.position,
+            bodies: self.bodies(),
+            collapsed: self.collapsed(),
+            valve: self.valve(),
             wall_hu: WALL_HU as i32,
         }
     }

@@ -6,18 +6,20 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::Phantom;
+use super::gut::Run;
 use crate::error::Result;
 use crate::math::hash;
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
 
 /// Edge of the bricks that are classified as a whole, voxels.
-const BRICK: usize = 8;
+pub(crate) const BRICK: usize = 8;
 
 /// Scratch memory of one slab.
 #[derive(Default)]
 struct Scratch {
     runs: Vec<Range<usize>>,
+    guts: Vec<Run>,
 }
 
 impl Phantom {
@@ -53,17 +55,10 @@ impl Phantom {
         let [nx, ny, _] = grid.dims();
         let corner = DVec3::new(first[0] as f64, first[1] as f64, first[2] as f64);
         let half = DVec3::new(size[0] as f64 - 1.0, size[1] as f64 - 1.0, size[2] as f64 - 1.0) * 0.5;
-        let m = grid.to_world().matrix3;
-        // Half the longest diagonal of a (possibly slanted) brick.
-        let reach = (half.x * m.x_axis.length()) + (half.y * m.y_axis.length()) + (half.z * m.z_axis.length());
-        let reach = if m.x_axis.dot(m.y_axis).abs() + m.y_axis.dot(m.z_axis).abs() + m.z_axis.dot(m.x_axis).abs() < 1e-9
-        {
-            (m * half).length()
-        } else {
-            reach
-        };
+        let reach = reach_of(grid, half);
         let centre = grid.world(corner + half);
         self.runs_near(centre, reach, &mut scratch.runs);
+        self.guts.runs_near(centre, reach, &mut scratch.guts);
         let centre_sample = self.body.sample(centre);
         let body = (centre_sample.constant_mm > reach).then_some(centre_sample.hu);
         let near = self.body.near(centre, reach);
@@ -74,7 +69,11 @@ impl Phantom {
                 let index = grid.index(first[0], first[1] + j, first[2] + k) as u64;
                 for (i, voxel) in out[start..start + size[0]].iter_mut().enumerate() {
                     let p = grid.world(corner + DVec3::new(i as f64, j as f64, k as f64));
-                    let hu = if scratch.runs.is_empty() { body(p) } else { self.value_among(p, &scratch.runs, body) };
+                    let hu = if scratch.runs.is_empty() && scratch.guts.is_empty() {
+                        body(p)
+                    } else {
+                        self.value_among(p, &scratch.runs, &scratch.guts, body)
+                    };
                     *voxel = round(hu + self.noise(index + i as u64));
                 }
             }
@@ -84,6 +83,17 @@ impl Phantom {
     /// Returns a voxel's noise, HU.
     fn noise(&self, index: u64) -> f64 {
         if self.settings.noise { self.noise_hu * hash::normal(self.noise_seed, index) } else { 0.0 }
+    }
+}
+
+/// Returns half the longest diagonal of a (possibly slanted) brick that reaches `half` voxels to each side of its middle, mm.
+pub(crate) fn reach_of(grid: &Grid, half: DVec3) -> f64 {
+    let m = grid.to_world().matrix3;
+    let slant = m.x_axis.dot(m.y_axis).abs() + m.y_axis.dot(m.z_axis).abs() + m.z_axis.dot(m.x_axis).abs();
+    if slant < 1e-9 {
+        (m * half).length()
+    } else {
+        half.x * m.x_axis.length() + half.y * m.y_axis.length() + half.z * m.z_axis.length()
     }
 }
 

@@ -19,7 +19,7 @@ const COMMANDS: [(&str, &str); 20] = [
     ("segment", "--out --stats --labels --from"),
     ("surface", "--mask --out --stats --from"),
     ("centerline", "--mask --out --method --from --to --stats"),
-    ("phantom", "--out --truth --size --with --position --twin"),
+    ("phantom", "--out --truth --size --with --position --labels --twin"),
     ("info", ""),
     ("explain", "--json --guide --from --scene --coverage"),
     ("plane", "--headless --out"),
@@ -49,7 +49,7 @@ const VALUES: [(&[&str], &str); 13] = [
     (&["phantom", "--position"], "supine prone left right"),
     (
         &["phantom", "--with"],
-        "folds polyps fluid bridges noise pools films stool inhomogeneous pseudo lesions decoys !ileum !stomach !lungs !collapsed",
+        "folds polyps fluid bridges noise pools films stool inhomogeneous pseudo lesions decoys ileum stomach lungs collapsed pelvis",
     ),
     (&["report"], "render gradients scenes dynamics fields perforation cleansing candidates all !coverage !unfold"),
 ];

@@ -1,0 +1,171 @@
+//! Small bowel: the ileum with its valve, and detached loops of jejunum.
+
+use glam::{DMat3, DVec3};
+
+use super::bodies::BodyKind;
+use super::centerline::Centerline;
+use super::decoy_placing::valve_spot;
+use super::features::Stream;
+use super::ground::{Ground, Spot};
+use super::gut::{Gut, Guts, Ridges};
+use super::shape::Shape;
+use super::solid::Plate;
+
+/// Least tissue between small bowel and colon, and between two loops of small bowel, mm.
+pub(crate) const APART_MM: f64 = 4.5;
+
+/// Control points of the ileum in an adult's mm LPS, from the valve, with the lumen's mean radius. They coil between the
+/// transverse colon and the sigmoid.
+const ILEUM: [([f64; 3], f64); 17] = [
+    ([-64.0, 26.0, -56.0], 8.5),
+    ([-72.0, 6.0, -26.0], 9.5),
+    ([-66.0, -28.0, -10.0], 10.5),
+    ([-28.0, -44.0, -12.0], 11.0),
+    ([14.0, -42.0, -14.0], 10.0),
+    ([56.0, -36.0, -16.0], 11.0),
+    ([80.0, -4.0, -8.0], 10.5),
+    ([56.0, 26.0, 0.0], 11.0),
+    ([16.0, 12.0, 2.0], 10.0),
+    ([-24.0, 16.0, 0.0], 11.5),
+    ([-58.0, 26.0, 12.0], 10.5),
+    ([-70.0, 2.0, 34.0], 10.0),
+    ([-34.0, -22.0, 34.0], 11.0),
+    ([6.0, -26.0, 28.0], 10.5),
+    ([48.0, -16.0, 30.0], 11.5),
+    ([78.0, 10.0, 38.0], 10.5),
+    ([50.0, 16.0, 54.0], 9.5),
+];
+
+/// Middles of detached loops of jejunum in an adult's mm LPS.
+const JEJUNUM: [[f64; 3]; 6] = [
+    [52.0, 0.0, 92.0],
+    [8.0, -22.0, 72.0],
+    [72.0, -14.0, 70.0],
+    [-28.0, -12.0, 76.0],
+    [20.0, 8.0, 104.0],
+    [24.0, -18.0, 62.0],
+];
+
+/// The ileocecal valve: two lips on the colon's medial wall, and the slit between them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Valve {
+    /// The place on the plain wall.
+    pub spot: Spot,
+    /// The lips, as one body of tissue.
+    pub lips: Plate,
+    /// The slit, if it is open.
+    pub slit: Option<Plate>,
+    /// Distance of the mouth from the plain wall, mm.
+    pub height: f64,
+}
+
+/// Tissue between the colon's plain wall and the ileum's end, mm.
+const BEHIND_MM: f64 = 3.5;
+
+/// Returns the valve of a colon: open for odd seeds.
+pub(crate) fn valve(shape: &Shape, seed: u64) -> Option<Valve> {
+    let spot = valve_spot(&Ground::new(shape))?;
+    let frame = shape.axis.frame(spot.s);
+    let small = shape.axis.length() < 1000.0;
+    let share = if small { 0.85 } else { 1.0 };
+    let wide = Stream::new(seed, 97).within(3.2, if small { 4.2 } else { 5.6 });
+    let across = (frame.tangent - spot.up * frame.tangent.dot(spot.up)).normalize();
+    let axes = DMat3::from_cols(across.cross(spot.up), across, spot.up);
+    let height = 6.0 * share;
+    let lips = Plate { foot: spot.at, axes, size: DVec3::new(23.0, 11.0, 6.0) * share + DVec3::new(0.0, wide, 0.0) };
+    // A plate begins 4 mm below its foot, and there the ileum is.
+    let slit = Plate { foot: spot.at, axes, size: DVec3::new(10.0 * share + 1.0, wide, height + 2.0) };
+    Some(Valve { spot, lips, slit: (seed % 2 == 1).then_some(slit), height })
+}
+
+/// Returns the small bowel of a body of `scale` (1 is an adult), away from the colon's lumen, whose knots `colon` holds, and from
+/// the other `tubes`.
+pub(crate) fn place(scale: f64, valve: &Valve, colon: &[(DVec3, f64)], seed: u64) -> Guts {
+    let mut draw = Stream::new(seed, 98);
+    let every_mm = draw.within(5.5, 7.5);
+    let ridges = Ridges::Rings { every_mm, height: draw.within(1.4, 2.2) * scale };
+    // Where the jitter leaves too little room, less of it, and then a narrower tube.
+    let tries = [6.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.0].into_iter().flat_map(|jitter| [0, 1].map(|k| (jitter, 1.0, k)));
+    let narrow = [0.92, 0.85, 0.78, 0.7, 0.62, 0.55].into_iter().map(|share| (0.0, share, 0));
+    let mut best: Option<(f64, Gut)> = None;
+    for (jitter, share, k) in tries.chain(narrow) {
+        let mut draw = Stream::new(seed, 100 + k);
+        let gut = ileum(scale, valve, jitter, share, ridges, &mut draw);
+        // The last stretch meets the colon at the valve.
+        let near = |b: &(DVec3, f64)| b.0.distance(valve.spot.at) - b.1;
+        let colon: Vec<_> = colon.iter().copied().filter(|c| near(c) > 24.0 * scale).collect();
+        let room = gut.clearance(&colon).min(gut.own_clearance());
+        if best.as_ref().is_none_or(|(least, _)| room > *least) {
+            best = Some((room, gut));
+        }
+        if room >= APART_MM {
+            break;
+        }
+    }
+    let mut tubes: Vec<Gut> = best.map(|(_, gut)| gut).into_iter().collect();
+    if let Some(ileum) = tubes.first_mut() {
+        pinch(ileum, &mut draw);
+    }
+    Guts { tubes, passage: valve.slit }
+}
+
+/// Returns the ileum. Its axis ends behind the valve.
+fn ileum(scale: f64, valve: &Valve, jitter: f64, share: f64, ridges: Ridges, draw: &mut Stream) -> Gut {
+    let into = -valve.spot.up;
+    let end_radius = 6.5 * scale.max(0.75);
+    let end = valve.spot.at + into * (BEHIND_MM + end_radius);
+    // The cecum's side and the plain beside it differ with the seed, so that the first two points follow the valve.
+    let mut all = vec![(end, end_radius), (end + into * (14.0 * scale) + DVec3::Z * (4.0 * scale), 7.0 * scale)];
+    for (at, radius) in ILEUM {
+        let off = DVec3::new(draw.within(-1.0, 1.0), draw.within(-1.0, 1.0), draw.within(-1.0, 1.0));
+        let radius = radius * draw.within(0.88, 1.12) * share * scale;
+        all.push(((DVec3::from_array(at) + off * jitter) * scale, radius));
+    }
+    all.reverse();
+    let places: Vec<DVec3> = all.iter().map(|a| a.0).collect();
+    let profile: Vec<DVec3> = all.iter().map(|a| DVec3::new(a.1, 0.0, 1.0)).collect();
+    Gut::new(BodyKind::SmallBowel, Centerline::through(&places, &profile), ridges)
+}
+
+/// Closes the tube in up to three places.
+fn pinch(gut: &mut Gut, draw: &mut Stream) {
+    let count = draw.within(0.0, 3.999) as usize;
+    let end = gut.axis.length();
+    for i in 0..count {
+        let share = (i as f64 + draw.within(0.3, 0.7)) / count as f64;
+        let s = 0.08 * end + 0.72 * end * share;
+        gut.pinches.push([s, draw.within(0.9, 1.5) * gut.axis.profile(s).radius.0 + 4.0]);
+    }
+}
+
+/// Returns two to four detached loops of jejunum for every third seed, away from the balls that are `taken`.
+pub(crate) fn jejunum(scale: f64, taken: &[(DVec3, f64)], seed: u64) -> Vec<Gut> {
+    let mut draw = Stream::new(seed, 99);
+    let count = if seed.is_multiple_of(3) { draw.within(2.0, 4.999) as usize } else { 0 };
+    let mut taken = taken.to_vec();
+    let mut loops: Vec<Gut> = Vec::new();
+    for n in 0..240 {
+        if loops.len() == count {
+            break;
+        }
+        let middle = DVec3::from_array(JEJUNUM[n % JEJUNUM.len()]);
+        // Smaller and smaller ones, if the first do not fit.
+        let shrink = 1.0 - 0.45 * n as f64 / 240.0;
+        let mut off =
+            |most: f64| DVec3::new(draw.within(-most, most), draw.within(-most, most), draw.within(-most, most));
+        let (shift, lean) = (off(14.0), off(1.0).normalize_or(DVec3::X));
+        let side = lean.any_orthonormal_vector();
+        let long = draw.within(24.0, 40.0) * shrink;
+        let radius = draw.within(10.0, 12.5) * shrink;
+        let at = |along: f64, up: f64| (middle + shift + lean * (along * long) + side * (up * long)) * scale;
+        let places = [at(-0.8, 0.0), at(-0.3, 0.25), at(0.3, 0.25), at(0.8, 0.0)];
+        let profile = [0.85, 1.0, 1.05, 0.8].map(|share| DVec3::new(radius * share * scale, 0.0, 1.0));
+        let ridges = Ridges::Rings { every_mm: draw.within(5.0, 7.0), height: 2.0 * scale };
+        let gut = Gut::new(BodyKind::SmallBowel, Centerline::through(&places, &profile), ridges);
+        if gut.clearance(&taken) >= APART_MM + 1.0 {
+            taken.extend(gut.balls());
+            loops.push(gut);
+        }
+    }
+    loops
+}

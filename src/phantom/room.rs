@@ -1,0 +1,59 @@
+//! Room: between the colon's loops, and on its wall for lesions and decoys.
+
+use std::f64::consts::PI;
+
+use super::centerline::Centerline;
+use super::features::Pool;
+use super::ground::Taken;
+use super::shape::{self, Shape};
+use super::tag::Tag;
+use super::{PhantomSettings, decoy_placing, placing};
+
+/// Adds lesions and decoys to a colon with these polyps, tag and pools, away from each other.
+pub(crate) fn grow(shape: &mut Shape, settings: &PhantomSettings, tag: Option<&Tag>, pools: &[Pool]) {
+    let (seed, down) = (settings.seed, settings.position.down());
+    let mut taken = Taken::default();
+    taken.take(shape.polyps.iter().map(|a| (a.what.position, 0.5 * a.what.diameter_mm)));
+    taken.take(decoy_placing::reserved(shape, seed));
+    for c in &shape.collapsed {
+        let places = (0..=20).map(|i| c.from - c.taper + (c.to - c.from + 2.0 * c.taper) * f64::from(i) / 20.0);
+        let balls = places.map(|s| (shape.axis.frame(s).at, shape.largest_radius(s) - 8.0)).collect::<Vec<_>>();
+        taken.take(balls);
+    }
+    if let Some(tag) = tag {
+        taken.take(tag.lumps().map(|lump| (lump.position, 0.5 * lump.diameter_mm)));
+    }
+    if settings.lesions {
+        let pools = tag.map_or_else(|| pools.to_vec(), Tag::pools);
+        shape.lesions = placing::place(shape, &pools, down, &mut taken, seed);
+    }
+    if settings.decoys {
+        decoy_placing::place(shape, down, &mut taken, seed);
+    }
+}
+
+/// True if no two loops' walls are closer than 4 mm and no bend is so tight that the wall would fold over itself.
+pub(crate) fn has_room(axis: &Centerline) -> bool {
+    let tight = |i: usize| {
+        let s = i as f64 * axis.knot_step();
+        axis.curvature(s) * axis.profile(s).radius.0 > 0.72
+    };
+    loop_clearance(axis) >= 4.0 && !(0..axis.knots().len()).any(tight)
+}
+
+/// Returns the least tissue between the plain walls of two loops, mm.
+pub(crate) fn loop_clearance(axis: &Centerline) -> f64 {
+    let knots = axis.knots();
+    let radius: Vec<f64> = (0..knots.len()).map(|i| shape::largest(axis, i as f64 * axis.knot_step())).collect();
+    let mut least = f64::INFINITY;
+    for i in 0..knots.len() {
+        for j in i + 1..knots.len() {
+            // Within a half circle around a bend's inner wall it is the same loop.
+            let along = (j - i) as f64 * axis.knot_step();
+            if along > PI * 0.5 * (radius[i] + radius[j]) + 20.0 {
+                least = least.min((knots[i] - knots[j]).length() - radius[i] - radius[j]);
+            }
+        }
+    }
+    least
+}

@@ -1,0 +1,61 @@
+//! The stomach: a J with ridges along it and a fluid level.
+
+use glam::DVec3;
+
+use super::bodies::BodyKind;
+use super::bowel::APART_MM;
+use super::centerline::Centerline;
+use super::features::Stream;
+use super::gut::{Gut, Ridges};
+
+/// Control points in an adult's mm LPS with radii: fundus, body, and the antrum that rises to the right.
+const PLACES: [([f64; 3], f64); 7] = [
+    ([48.0, -34.0, 160.0], 22.0),
+    ([46.0, -42.0, 150.0], 25.0),
+    ([36.0, -52.0, 134.0], 24.0),
+    ([22.0, -56.0, 116.0], 22.0),
+    ([2.0, -56.0, 108.0], 19.0),
+    ([-16.0, -50.0, 114.0], 15.0),
+    ([-28.0, -42.0, 122.0], 11.0),
+];
+
+/// Returns the stomach of a body of `scale` (1 is an adult) with gravity along `down`, away from the balls that are `taken`.
+pub(crate) fn place(scale: f64, taken: &[(DVec3, f64)], down: DVec3, seed: u64) -> Gut {
+    let shrink = [1.0, 0.96, 0.92, 0.88, 0.84, 0.8, 0.75, 0.7, 0.62, 0.55];
+    let tries = shrink.into_iter().flat_map(|share| [3.0, 1.5, 0.0].map(|jitter| (jitter, share)));
+    let mut best: Option<(f64, Gut)> = None;
+    for (jitter, share) in tries {
+        let gut = stomach(scale, jitter, share, seed);
+        let room = gut.clearance(taken);
+        if best.as_ref().is_none_or(|(least, _)| room > *least) {
+            best = Some((room, gut));
+        }
+        if room >= APART_MM {
+            break;
+        }
+    }
+    let mut gut = best.map_or_else(|| stomach(scale, 0.0, 0.5, seed), |(_, gut)| gut);
+    let mut draw = Stream::new(seed, 104);
+    // A share of the height of its lumen.
+    let ends = gut.balls().into_iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), (c, r)| {
+        (lo.min(c.dot(down) - r), hi.max(c.dot(down) + r))
+    });
+    let level = ends.1 - draw.within(0.2, 0.34) * (ends.1 - ends.0);
+    let hu = if draw.within(0.0, 1.0) < 0.5 { 20.0 } else { 150.0 };
+    gut.fluid = Some((level, down, hu));
+    gut
+}
+
+fn stomach(scale: f64, jitter: f64, share: f64, seed: u64) -> Gut {
+    let mut draw = Stream::new(seed, 105);
+    let wide = draw.within(0.94, 1.06);
+    let mut all = Vec::new();
+    for (at, radius) in PLACES {
+        let off = DVec3::new(draw.within(-1.0, 1.0), draw.within(-1.0, 1.0), draw.within(-1.0, 1.0));
+        all.push(((DVec3::from_array(at) + off * jitter) * scale, radius * wide * share * scale));
+    }
+    let ridges = Ridges::Along { count: 7.0, height: draw.within(3.2, 4.6) * scale * share };
+    let places: Vec<DVec3> = all.iter().map(|a| a.0).collect();
+    let profile: Vec<DVec3> = all.iter().map(|a| DVec3::new(a.1, 0.0, 1.0)).collect();
+    Gut::new(BodyKind::Stomach, Centerline::through(&places, &profile), ridges)
+}
