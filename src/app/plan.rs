@@ -375,7 +375,16 @@ mod tests {
     fn segment(number: usize, ml: f64) -> Segment {
         let aside = DVec3::X * number as f64;
         let ends = [RECTAL + aside, CECAL + aside];
-        Segment { ml, fluid_ml: 0.0, bounds_mm: ends, ends, joined_to: Vec::new(), length_mm: 300.0, way: Vec::new() }
+        Segment {
+            ml,
+            fluid_ml: 0.0,
+            bounds_mm: ends,
+            ends,
+            joined_to: Vec::new(),
+            length_mm: 300.0,
+            way: Vec::new(),
+            judged: None,
+        }
     }
 
     /// Three segments, of which the middle one is the largest.

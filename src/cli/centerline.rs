@@ -109,8 +109,7 @@ fn through_scan(
         }
     }
     if lumen.segments.is_empty() {
-        let why = "no gas of a colon was found in it";
-        return Err(Error::incomplete("volume", why, "give --from and --to, or a mask of the lumen"));
+        return Err(prepare::no_lumen(&lumen, "give --from and --to, or a mask of the lumen"));
     }
     let walls =
         timings.time("distance_s", || WallDistance::of_lumen(volume, &lumen, Through::GasAndFluid, progress))?;
@@ -253,6 +252,7 @@ mod tests {
             joined_to: joined_to.to_vec(),
             length_mm: 100.0,
             way: Vec::new(),
+            judged: None,
         };
         let grid = Grid::new([4; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
         let mut lumen = Lumen::none(&grid);

@@ -8,7 +8,7 @@ use crate::app::Timings;
 use crate::cli::args::{Global, LabelName, SegmentArgs};
 use crate::cli::prepare;
 use crate::error::Result;
-use crate::fields::lumen::{self, Lumen, Remnant};
+use crate::fields::lumen::{self, GasKind, Lumen, Other, Remnant};
 use crate::fields::wall;
 use crate::output;
 use crate::progress::Progress;
@@ -31,13 +31,17 @@ struct Part {
     ends: [DVec3; 2],
     length_mm: f64,
     joined_to: Vec<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    kind: Option<GasKind>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    why: Option<&'static str>,
 }
 
 /// Gas outside the colon, in the stats.
 #[derive(Serialize)]
 struct NotColon {
     ml: f64,
-    kind: &'static str,
+    kind: GasKind,
     why: &'static str,
     bounds_mm: [DVec3; 2],
 }
@@ -104,20 +108,26 @@ pub(crate) fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> R
             stats.insert("wall_thickness".to_owned(), json!(wall.thickness));
             stats.insert("wall_told".to_owned(), json!(wall.reported));
         }
-        if let Some(others) = &others {
-            stats.insert("not_colon".to_owned(), json!(not_colon(others)));
+        let pieces = others.as_ref().map_or(&lumen.others, |o| &o.pieces);
+        stats.insert("not_colon".to_owned(), json!(not_colon(pieces)));
+        if let Some(lying) = lumen.lying {
+            stats.insert("position".to_owned(), json!(lying));
         }
         output::write_json(path, &stats)?;
     }
-    if lumen.segments.is_empty() { Err(prepare::no_lumen("give --from and a point in the colon")) } else { Ok(()) }
+    if lumen.segments.is_empty() {
+        Err(prepare::no_lumen(&lumen, "give --from and a point in the colon"))
+    } else {
+        Ok(())
+    }
 }
 
-fn not_colon(others: &lumen::Others) -> Vec<NotColon> {
-    let part = |o: &lumen::Other| NotColon { ml: o.ml, kind: o.kind.name(), why: o.why, bounds_mm: o.bounds_mm };
-    others.pieces.iter().map(part).collect()
+/// The largest pieces.
+fn not_colon(pieces: &[Other]) -> Vec<NotColon> {
+    let part = |o: &Other| NotColon { ml: o.ml, kind: o.kind, why: o.why, bounds_mm: o.bounds_mm };
+    pieces.iter().take(MOST_MARKS).map(part).collect()
 }
 
-/// Describes the first [`MOST_MARKS`] of `found`, which are the largest.
 fn marks(found: &[Remnant]) -> Vec<Mark> {
     found.iter().take(MOST_MARKS).map(|m| Mark { position: m.at, ml: m.ml, length_mm: m.length_mm }).collect()
 }
@@ -130,6 +140,8 @@ fn parts(lumen: &Lumen) -> Vec<Part> {
         ends: s.ends,
         length_mm: s.length_mm,
         joined_to: s.joined_to.clone(),
+        kind: s.judged.map(|j| j.kind),
+        why: s.judged.map(|j| j.why),
     };
     lumen.segments.iter().map(part).collect()
 }

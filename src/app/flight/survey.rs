@@ -89,6 +89,7 @@ mod tests {
             joined_to: Vec::new(),
             length_mm: 30.0,
             way: Vec::new(),
+            judged: None,
         };
         lumen.segments = [50.0, 40.0, 30.0, 20.0].map(segment).to_vec();
         let plan = Plan { segment: Some(1), ..Plan::between(room.centre(), room.centre() + DVec3::Y * 15.0, 15.0) };

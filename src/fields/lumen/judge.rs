@@ -17,7 +17,7 @@ const WHOLE_MM: f64 = 950.0;
 /// Worth of a body about which nothing speaks for or against the colon, mm of a chain …
 const WORTH_MM: f64 = 40.0;
 /// … and of each unit of evidence.
-const EVIDENCE_MM: f64 = 40.0;
+const EVIDENCE_MM: f64 = 60.0;
 
 /// Builds the lumen from the cores labelled 0 to `count` − 1: judges each body, or its parts if narrow passages divide it, and keeps
 /// what is colon or may be.
@@ -76,6 +76,9 @@ pub(super) fn lumen(
             features: Some(features[n]),
         });
     }
+    for (n, l) in label.iter().enumerate() {
+        bodies.segments[n].judged = l.map(|_| judged[n]);
+    }
     if is_divided || !others.is_empty() {
         bodies = bodies.relabelled(volume, &mut graph, &label, kept.len(), progress)?;
     }
@@ -94,7 +97,7 @@ fn judge(volume: &Volume, bodies: &Bodies, told: &[Told], landmarks: &Landmarks)
     let worth = |n: usize| WORTH_MM + EVIDENCE_MM * rules::for_colon(&features[n]);
     let scale = landmarks.scale();
     let body = Body::of(volume, bodies.lowest());
-    let order = order::order(&bodies.links(worth), &body);
+    let order = order::order(&bodies.links(volume.grid(), worth), &body);
     let links = &order.chain[..order.passed];
     let is_whole = order.trusted && order.length_mm >= WHOLE_MM * scale;
     let chain = |n: usize| match links.iter().any(|l| l.0 == n) {
@@ -154,6 +157,9 @@ impl Bodies {
         for (l, parts) in parts.iter().enumerate() {
             let s = &mut segments[l];
             s.fluid_ml = parts.iter().map(|&n| self.segments[n].fluid_ml).sum();
+            // Of the parts of one body, the surest speaks for all.
+            let judged = parts.iter().filter_map(|&n| self.segments[n].judged);
+            s.judged = judged.reduce(|a, b| if a.kind == GasKind::Unknown { b } else { a });
             let joined = parts.iter().flat_map(|&n| &self.segments[n].joined_to).filter_map(|&o| label[o]);
             s.joined_to = joined.map(|o| o as usize).filter(|&o| o != l).collect();
             s.joined_to.sort_unstable();

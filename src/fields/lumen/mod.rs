@@ -79,6 +79,8 @@ pub struct Segment {
     pub length_mm: f64,
     /// The coarse way from end to end, world, mm.
     pub way: Vec<DVec3>,
+    /// Why it is taken for colon, or for what may be; `None` if the gas was not judged.
+    pub judged: Option<Judged>,
 }
 
 /// The colon's interior.
@@ -251,8 +253,10 @@ impl Bodies {
     }
 
     /// Returns what the ordering needs of each body, with its worth, mm.
-    fn links(&self, worth_mm: impl Fn(usize) -> f64) -> Vec<Link> {
+    fn links(&self, grid: &Grid, worth_mm: impl Fn(usize) -> f64) -> Vec<Link> {
+        let mut fluid = farthest(grid, &self.fluid, self.segments.len());
         let link = |(n, s): (usize, &Segment)| Link {
+            fluid: std::mem::take(&mut fluid[n]),
             ends: s.ends,
             length_mm: s.length_mm,
             joined_to: s.joined_to.clone(),
@@ -264,7 +268,7 @@ impl Bodies {
     /// Orders the bodies from rectum to cecum.
     fn into_lumen(self, volume: &Volume, frame: Frame, landmarks: Option<Landmarks>) -> Lumen {
         let body = Body::of(volume, self.lowest());
-        let order = order::order(&self.links(|_| f64::INFINITY), &body);
+        let order = order::order(&self.links(volume.grid(), |_| f64::INFINITY), &body);
         let mut place = vec![0u32; self.segments.len()];
         for (n, &(s, _)) in order.chain.iter().enumerate() {
             place[s] = n as u32;
@@ -290,6 +294,24 @@ impl Bodies {
     }
 }
 
+/// Returns the voxels of each label that are farthest along each axis, world, mm.
+fn farthest(grid: &Grid, rows: &Rows, count: usize) -> Vec<Vec<DVec3>> {
+    const WAYS: [DVec3; 6] = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
+    let mut best: Vec<[(f64, DVec3); 6]> = vec![[(f64::NEG_INFINITY, DVec3::ZERO); 6]; count];
+    for (j, k, r) in rows.iter() {
+        for i in [r.start, r.end - 1] {
+            let p = grid.world(DVec3::new(f64::from(i), j as f64, k as f64));
+            for (best, way) in best[r.label as usize].iter_mut().zip(WAYS) {
+                if p.dot(way) > best.0 {
+                    *best = (p.dot(way), p);
+                }
+            }
+        }
+    }
+    let found = |b: [(f64, DVec3); 6]| b.into_iter().filter(|b| b.0 > f64::NEG_INFINITY).map(|b| b.1).collect();
+    best.into_iter().map(found).collect()
+}
+
 /// Returns volume and bounds of each label.
 fn measured(grid: &Grid, gas: &Rows, count: usize) -> Vec<Segment> {
     let none = Segment {
@@ -300,6 +322,7 @@ fn measured(grid: &Grid, gas: &Rows, count: usize) -> Vec<Segment> {
         joined_to: Vec::new(),
         length_mm: 0.0,
         way: Vec::new(),
+        judged: None,
     };
     let mut segments = vec![none; count];
     let mut voxels = vec![0u64; count];
@@ -437,7 +460,8 @@ impl Lumen {
             taken = vec![if before.is_empty() { last } else { format!("{before} and {last}") }];
         }
         let largest = self.largest().map(|s| &self.segments[s]);
-        let colon = largest.map(|s| format!("the largest that may be colon is {:.0} ml and {:.0} mm long", s.ml, s.length_mm));
+        let colon =
+            largest.map(|s| format!("the largest that may be colon is {:.0} ml and {:.0} mm long", s.ml, s.length_mm));
         match (taken.first(), colon) {
             (None, None) => "no gas in the body that looks like a colon's".to_owned(),
             (None, Some(colon)) => colon,

@@ -10,6 +10,8 @@ const ORDERED_AT_MOST: usize = 9;
 const FLUID_GAP: f64 = 0.3;
 /// A gap of this length costs twice its millimetres: colon collapses over a few centimetres, seldom over more.
 const DEAR_GAP_MM: f64 = 80.0;
+/// A gap longer than this costs no more for each of its millimetres.
+const DEAREST_MM: f64 = 120.0;
 /// For a trusted order: minimum distance of the cecum to the right of the midline, mm.
 const CECUM_RIGHT_MM: f64 = 20.0;
 /// For a trusted order: maximum distance of the rectum from the midline, mm.
@@ -75,6 +77,8 @@ pub(super) struct Link {
     pub ends: [DVec3; 2],
     pub length_mm: f64,
     pub joined_to: Vec<usize>,
+    /// The farthest places of its tagged fluid, world, mm: the colon goes on in there.
+    pub fluid: Vec<DVec3>,
     /// Worth of passing it, mm: how much longer a chain may be that does. Infinite if it must be passed.
     pub worth_mm: f64,
 }
@@ -102,8 +106,8 @@ pub(super) fn order(links: &[Link], body: &Body) -> SegmentOrder {
     let entry = |s: usize, swapped: bool| links[s].ends[usize::from(swapped)];
     let exit = |s: usize, swapped: bool| links[s].ends[usize::from(!swapped)];
     let gap = |a: usize, b: usize, from: DVec3, to: DVec3| {
-        let mm = from.distance(to);
-        if links[a].joined_to.contains(&b) { FLUID_GAP * mm } else { mm * (1.0 + mm / DEAR_GAP_MM) }
+        let mm = gap_mm(&links[a], &links[b], from, to);
+        if links[a].joined_to.contains(&b) { FLUID_GAP * mm } else { mm * (1.0 + mm.min(DEAREST_MM) / DEAR_GAP_MM) }
     };
     // best[set][state]: least cost of passing `set` and ending in `state` (segment and direction), and the previous
     // state.
@@ -165,11 +169,20 @@ fn length(links: &[Link], chain: &[(usize, bool)]) -> f64 {
     chain.iter().map(|c| links[c.0].length_mm).sum::<f64>() + gaps
 }
 
+/// Returns the length of the gap between the end `from` of a segment and the end `to` of another, mm; what fluid fills counts less.
+fn gap_mm(a: &Link, b: &Link, from: DVec3, to: DVec3) -> f64 {
+    let through = |fluid: &[DVec3], near: DVec3, far: DVec3| {
+        fluid.iter().map(|f| FLUID_GAP * f.distance(near) + f.distance(far)).fold(f64::INFINITY, f64::min)
+    };
+    from.distance(to).min(through(&a.fluid, from, to)).min(through(&b.fluid, to, from))
+}
+
 fn is_colon(links: &[Link], chain: &[(usize, bool)], body: &Body) -> bool {
     let end = |c: &(usize, bool), last: bool| links[c.0].ends[usize::from(c.1 != last)];
     let (Some(first), Some(last)) = (chain.first(), chain.last()) else { return false };
     let (rectum, cecum) = (end(first, false), end(last, true));
-    let gaps: Vec<f64> = chain.windows(2).map(|w| end(&w[0], true).distance(end(&w[1], false))).collect();
+    let between = |w: &[(usize, bool)]| gap_mm(&links[w[0].0], &links[w[1].0], end(&w[0], true), end(&w[1], false));
+    let gaps: Vec<f64> = chain.windows(2).map(between).collect();
     (rectum.x - body.centre.x).abs() <= RECTUM_ASIDE_MM
         && rectum.z <= cecum.z
         && rectum.z <= body.span[0] + RECTUM_HEIGHT * (body.span[1] - body.span[0])
@@ -188,7 +201,13 @@ mod tests {
     const BODY: Body = Body { centre: DVec3::ZERO, span: [-200.0, 200.0], lowest: -150.0 };
 
     fn trusted(rectum: DVec3, cecum: DVec3, length_mm: f64) -> bool {
-        let links = [Link { ends: [rectum, cecum], length_mm, joined_to: Vec::new(), worth_mm: f64::INFINITY }];
+        let links = [Link {
+            ends: [rectum, cecum],
+            length_mm,
+            joined_to: Vec::new(),
+            fluid: Vec::new(),
+            worth_mm: f64::INFINITY,
+        }];
         is_colon(&links, &[(0, false)], &BODY)
     }
 

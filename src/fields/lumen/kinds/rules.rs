@@ -62,9 +62,6 @@ pub const RULES: &[Rule] = {
             f.ml > 30.0 && f.aside > 0.05 && f.along_mm < 160.0 && f.below_lungs_mm.is_some_and(|mm| mm < 60.0)
         }),
         rule(Trachea, 5.0, "it is a narrow tube between the lungs", |f, _| is_airway(f) && f.lung_beside > 0.12),
-        rule(Trachea, 3.0, "it is a narrow tube above the lungs", |f, _| {
-            is_airway(f) && f.below_lungs_mm.is_some_and(|mm| mm < 0.0)
-        }),
         rule(Lung, 7.0, "it is no tube and lies in the chest", |f, _| {
             is_no_tube(f) && f.lung_beside > 0.12 && f.below_lungs_mm.is_some_and(|mm| mm < 0.0)
         }),
@@ -74,7 +71,7 @@ pub const RULES: &[Rule] = {
 
 /// True for a narrow tube along the body, in its middle.
 fn is_airway(f: &Features) -> bool {
-    f.caliber_mm < 30.0 && f.along_mm > 2.5 * f.caliber_mm && f.aside.abs() < 0.3 && (0.25..0.8).contains(&f.back)
+    f.caliber_mm < 30.0 && f.along_mm > 2.5 * f.caliber_mm && f.aside.abs() < 0.3 && (0.3..0.8).contains(&f.back)
 }
 
 /// True if the largest ball in it is much narrower than a tube of its volume and length: vessels or walls run through it.
