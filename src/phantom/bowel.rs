@@ -16,9 +16,9 @@ pub(crate) const APART_MM: f64 = 4.5;
 
 /// Control points of the ileum in an adult's mm LPS, from the valve, with the lumen's mean radius. They coil between the
 /// transverse colon and the sigmoid.
-const ILEUM: [([f64; 3], f64); 17] = [
-    ([-64.0, 26.0, -56.0], 8.5),
-    ([-72.0, 6.0, -26.0], 9.5),
+const ILEUM: [([f64; 3], f64); 19] = [
+    ([-60.0, 36.0, -56.0], 8.0),
+    ([-70.0, 8.0, -26.0], 9.5),
     ([-66.0, -28.0, -10.0], 10.5),
     ([-28.0, -44.0, -12.0], 11.0),
     ([14.0, -42.0, -14.0], 10.0),
@@ -27,13 +27,15 @@ const ILEUM: [([f64; 3], f64); 17] = [
     ([56.0, 26.0, 0.0], 11.0),
     ([16.0, 12.0, 2.0], 10.0),
     ([-24.0, 16.0, 0.0], 11.5),
-    ([-58.0, 26.0, 12.0], 10.5),
-    ([-70.0, 2.0, 34.0], 10.0),
-    ([-34.0, -22.0, 34.0], 11.0),
-    ([6.0, -26.0, 28.0], 10.5),
+    ([-58.0, 28.0, 8.0], 10.5),
+    ([-74.0, 8.0, 26.0], 10.0),
+    ([-56.0, -18.0, 36.0], 10.5),
+    ([-24.0, -24.0, 34.0], 11.0),
+    ([8.0, -26.0, 28.0], 10.5),
     ([48.0, -16.0, 30.0], 11.5),
-    ([78.0, 10.0, 38.0], 10.5),
-    ([50.0, 16.0, 54.0], 9.5),
+    ([74.0, -2.0, 36.0], 10.5),
+    ([74.0, 22.0, 48.0], 10.0),
+    ([46.0, 24.0, 60.0], 9.5),
 ];
 
 /// Middles of detached loops of jejunum in an adult's mm LPS.
@@ -115,7 +117,7 @@ fn ileum(scale: f64, valve: &Valve, jitter: f64, share: f64, ridges: Ridges, dra
     let end_radius = 6.5 * scale.max(0.75);
     let end = valve.spot.at + into * (BEHIND_MM + end_radius);
     // The cecum's side and the plain beside it differ with the seed, so that the first two points follow the valve.
-    let mut all = vec![(end, end_radius), (end + into * (14.0 * scale) + DVec3::Z * (4.0 * scale), 7.0 * scale)];
+    let mut all = vec![(end, end_radius), (end + into * (7.0 * scale) + DVec3::Z * (3.5 * scale), 7.0 * scale)];
     for (at, radius) in ILEUM {
         let off = DVec3::new(draw.within(-1.0, 1.0), draw.within(-1.0, 1.0), draw.within(-1.0, 1.0));
         let radius = radius * draw.within(0.88, 1.12) * share * scale;
@@ -124,7 +126,9 @@ fn ileum(scale: f64, valve: &Valve, jitter: f64, share: f64, ridges: Ridges, dra
     all.reverse();
     let places: Vec<DVec3> = all.iter().map(|a| a.0).collect();
     let profile: Vec<DVec3> = all.iter().map(|a| DVec3::new(a.1, 0.0, 1.0)).collect();
-    Gut::new(BodyKind::SmallBowel, Centerline::through(&places, &profile), ridges)
+    let mut gut = Gut::new(BodyKind::SmallBowel, Centerline::through(&places, &profile), ridges);
+    gut.reach_past_end(16.0);
+    gut
 }
 
 /// Closes the tube in up to three places.
