@@ -11,15 +11,14 @@ use super::gut::{Gut, Ridges};
 const APART_MM: f64 = 3.6;
 
 /// Control points in an adult's mm LPS with radii: fundus, body, and the antrum that rises to the right.
-const PLACES: [([f64; 3], f64); 8] = [
-    ([44.0, -32.0, 154.0], 24.0),
-    ([38.0, -38.0, 146.0], 27.0),
-    ([24.0, -45.0, 134.0], 26.0),
-    ([10.0, -48.0, 118.0], 23.0),
-    ([0.0, -46.0, 102.0], 20.0),
-    ([-16.0, -40.0, 90.0], 16.0),
-    ([-36.0, -33.0, 92.0], 13.0),
-    ([-46.0, -27.0, 106.0], 11.0),
+const PLACES: [([f64; 3], f64); 7] = [
+    ([36.0, -32.0, 156.0], 26.0),
+    ([28.0, -37.0, 148.0], 29.0),
+    ([14.0, -44.0, 136.0], 28.0),
+    ([0.0, -47.0, 121.0], 26.0),
+    ([-12.0, -45.0, 107.0], 22.0),
+    ([-24.0, -40.0, 99.0], 17.0),
+    ([-36.0, -34.0, 102.0], 12.0),
 ];
 
 /// Returns the stomach of a body of `scale` (1 is an adult) with gravity along `down`, away from the balls that are `taken`.
@@ -29,7 +28,7 @@ pub(crate) fn place(scale: f64, taken: &[(DVec3, f64)], down: DVec3, seed: u64) 
     let mut best: Option<(f64, Gut)> = None;
     for (jitter, share) in tries {
         let gut = stomach(scale, jitter, share, taken, seed);
-        let room = gut.clearance(taken);
+        let room = gut.clearance(taken).min(gut.own_clearance());
         if best.as_ref().is_none_or(|(least, _)| room > *least) {
             best = Some((room, gut));
         }
