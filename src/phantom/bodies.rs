@@ -1,10 +1,13 @@
 //! The ground truth of what holds gas: its bodies, the colon's parts and the ileocecal valve.
 
+use std::ops::Range;
+
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::centerline::PARTS;
+use super::gut::Run;
 use super::profile::GAS;
 use super::{Content, Phantom, Size};
 
@@ -80,33 +83,49 @@ impl Sum {
 /// Edge of the cells, mm.
 const CELL: f64 = 1.2;
 
-/// Sums the cells in a box, each into the body that `of` returns with the share of the cell that it fills. The order of the sum
-/// does not depend on the number of threads.
-fn measure(low: DVec3, high: DVec3, count: usize, of: impl Fn(DVec3) -> Option<(usize, f64)> + Sync) -> Vec<Sum> {
-    let cells = ((high - low) / CELL).ceil().max(DVec3::ONE);
-    let layer = |k: usize| {
-        let mut sums = vec![Sum::NONE; count];
-        for j in 0..cells.y as usize {
-            for i in 0..cells.x as usize {
-                let p = low + (DVec3::new(i as f64, j as f64, k as f64) + DVec3::splat(0.5)) * CELL;
-                if let Some((body, share)) = of(p).filter(|(_, share)| *share > 0.0) {
-                    let own = Sum { cells: share, low: p - 0.5 * CELL, high: p + 0.5 * CELL };
-                    sums[body] = sums[body].add(&own);
-                }
-            }
-        }
-        sums
-    };
-    let layers: Vec<Vec<Sum>> = (0..cells.z as usize).into_par_iter().map(layer).collect();
-    (0..count).map(|body| layers.iter().fold(Sum::NONE, |sum, layer| sum.add(&layer[body]))).collect()
-}
-
 fn body(kind: BodyKind, sum: &Sum, position: DVec3) -> Option<TrueBody> {
     let ml = sum.cells * CELL.powi(3) / 1000.0;
     (ml > 0.0).then_some(TrueBody { kind, ml, position, bounds_mm: [sum.low, sum.high] })
 }
 
+/// Edge of a brick of cells that share the knots near them, cells.
+const BRICK: usize = 6;
+
 impl Phantom {
+    /// Sums the cells in a box, each into the body that `of` returns with the share of the cell that it fills, given the runs of
+    /// knots near it. The order of the sum does not depend on the number of threads.
+    fn measure(
+        &self,
+        [low, high]: [DVec3; 2],
+        count: usize,
+        of: impl Fn(DVec3, &[Range<usize>], &[Run]) -> Option<(usize, f64)> + Sync,
+    ) -> Vec<Sum> {
+        let edge = CELL * BRICK as f64;
+        let bricks = ((high - low) / edge).ceil().max(DVec3::ONE);
+        let layer = |k: usize| {
+            let (mut runs, mut guts, mut sums) = (Vec::new(), Vec::new(), vec![Sum::NONE; count]);
+            for j in 0..bricks.y as usize {
+                for i in 0..bricks.x as usize {
+                    let corner = low + DVec3::new(i as f64, j as f64, k as f64) * edge;
+                    self.runs_near(corner + 0.5 * edge, 0.87 * edge, &mut runs);
+                    self.guts.runs_near(corner + 0.5 * edge, 0.87 * edge, &mut guts);
+                    for c in 0..BRICK.pow(3) {
+                        let cell =
+                            DVec3::new((c % BRICK) as f64, (c / BRICK % BRICK) as f64, (c / BRICK / BRICK) as f64);
+                        let p = corner + (cell + 0.5) * CELL;
+                        if let Some((body, share)) = of(p, &runs, &guts).filter(|(_, share)| *share > 0.0) {
+                            let own = Sum { cells: share, low: p - 0.5 * CELL, high: p + 0.5 * CELL };
+                            sums[body] = sums[body].add(&own);
+                        }
+                    }
+                }
+            }
+            sums
+        };
+        let layers: Vec<Vec<Sum>> = (0..bricks.z as usize).into_par_iter().map(layer).collect();
+        (0..count).map(|body| layers.iter().fold(Sum::NONE, |sum, layer| sum.add(&layer[body]))).collect()
+    }
+
     /// Returns the parts of the colon from rectum to cecum.
     pub fn names(&self) -> Vec<NamedPart> {
         let (stations, end) = (self.shape.axis.stations(), self.shape.axis.length());
@@ -153,12 +172,12 @@ impl Phantom {
             (low, high) = (low.min(c - r - 2.0), high.max(c + r + 2.0));
         }
         let runs = [(tube, 0..gut.axis.knots().len())];
-        let of = |p: DVec3| {
-            let inside = self.guts.inside(p, &runs)?;
+        let of = |p: DVec3, _: &[Range<usize>], near: &[Run]| {
+            let inside = self.guts.inside(p, near).filter(|inside| inside.tube == tube)?;
             let piece = pieces.partition_point(|piece| piece[1] < inside.s).min(pieces.len() - 1);
             (!gut.is_under(p)).then(|| (piece, (0.5 - inside.d / CELL).clamp(0.0, 1.0)))
         };
-        let sums = measure(low, high, pieces.len(), of);
+        let sums = self.measure([low, high], pieces.len(), of);
         let up = gut.fluid.map_or(DVec3::ZERO, |(_, down, _)| -down);
         let piece = |(i, [from, to]): (usize, &[f64; 2])| {
             // The point in gas, on the axis or above it, that is farthest from the wall and the fluid.
@@ -185,14 +204,12 @@ impl Phantom {
         let top = grid.world(DVec3::from_array(last)).z;
         let low = DVec3::new(-150.0, -70.0, 130.0) * scale;
         let high = DVec3::new(150.0 * scale, 115.0 * scale, top);
-        let of = |p: DVec3| {
-            let (mut runs, mut guts) = (Vec::new(), Vec::new());
-            self.runs_near(p, 0.1, &mut runs);
-            self.guts.runs_near(p, 0.1, &mut guts);
-            let lung = self.content_among(p, &runs, &guts) == Content::Lung;
+        let of = |p: DVec3, runs: &[Range<usize>], guts: &[Run]| {
+            // The last layer of bricks is higher than the scan.
+            let lung = p.z <= top && self.content_among(p, runs, guts) == Content::Lung;
             lung.then(|| (usize::from(p.x < 0.0), 1.0))
         };
-        let sums = measure(low, high, 2, of);
+        let sums = self.measure([low, high], 2, of);
         let side = |i: usize| {
             let Sum { low, high, .. } = sums[i];
             let cells = (0..12 * 12 * 12).map(|n| {
@@ -220,16 +237,14 @@ impl Phantom {
             (low, high) = (low.min(*k), high.max(*k));
         }
         let most = DVec3::splat(32.0);
-        let of = |p: DVec3| {
-            let mut runs = Vec::new();
-            self.runs_near(p, 0.1, &mut runs);
+        let of = |p: DVec3, runs: &[Range<usize>], _: &[Run]| {
             if runs.is_empty() {
                 return None;
             }
-            let (d, s) = self.distances_among(p, &runs);
+            let (d, s) = self.distances_among(p, runs);
             Some((middles.partition_point(|m| *m < s), (0.5 - d.wall / CELL).clamp(0.0, 1.0)))
         };
-        let sums = measure(low - most, high + most, count, of);
+        let sums = self.measure([low - most, high + most], count, of);
         let segment = |i: usize| {
             let from = if i == 0 { 0.0 } else { collapsed[i - 1][1] };
             let to = if i + 1 == count { end } else { collapsed[i][0] };

@@ -16,9 +16,8 @@ pub(crate) const APART_MM: f64 = 4.5;
 
 /// Control points of the ileum in an adult's mm LPS, from the valve, with the lumen's mean radius. They coil between the
 /// transverse colon and the sigmoid.
-const ILEUM: [([f64; 3], f64); 17] = [
-    ([-64.0, 26.0, -56.0], 8.5),
-    ([-72.0, 6.0, -26.0], 9.5),
+const ILEUM: [([f64; 3], f64); 18] = [
+    ([-70.0, 8.0, -26.0], 9.5),
     ([-66.0, -28.0, -10.0], 10.5),
     ([-28.0, -44.0, -12.0], 11.0),
     ([14.0, -42.0, -14.0], 10.0),
@@ -27,13 +26,15 @@ const ILEUM: [([f64; 3], f64); 17] = [
     ([56.0, 26.0, 0.0], 11.0),
     ([16.0, 12.0, 2.0], 10.0),
     ([-24.0, 16.0, 0.0], 11.5),
-    ([-58.0, 26.0, 12.0], 10.5),
-    ([-70.0, 2.0, 34.0], 10.0),
-    ([-34.0, -22.0, 34.0], 11.0),
-    ([6.0, -26.0, 28.0], 10.5),
+    ([-58.0, 28.0, 8.0], 10.5),
+    ([-74.0, 8.0, 26.0], 10.0),
+    ([-56.0, -18.0, 36.0], 10.5),
+    ([-24.0, -24.0, 34.0], 11.0),
+    ([8.0, -26.0, 28.0], 10.5),
     ([48.0, -16.0, 30.0], 11.5),
-    ([78.0, 10.0, 38.0], 10.5),
-    ([50.0, 16.0, 54.0], 9.5),
+    ([74.0, -2.0, 36.0], 10.5),
+    ([74.0, 22.0, 48.0], 10.0),
+    ([46.0, 24.0, 60.0], 9.5),
 ];
 
 /// Middles of detached loops of jejunum in an adult's mm LPS.
@@ -87,13 +88,13 @@ pub(crate) fn place(scale: f64, valve: &Valve, colon: &[(DVec3, f64)], seed: u64
     // Where the jitter leaves too little room, less of it, and then a narrower tube.
     let tries = [6.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.0].into_iter().flat_map(|jitter| [0, 1].map(|k| (jitter, 1.0, k)));
     let narrow = [0.92, 0.85, 0.78, 0.7, 0.62, 0.55].into_iter().map(|share| (0.0, share, 0));
+    // The last stretch meets the colon at the valve.
+    let near = |b: &(DVec3, f64)| b.0.distance(valve.spot.at) - b.1;
+    let colon: Vec<_> = colon.iter().copied().filter(|c| near(c) > 24.0 * scale).collect();
     let mut best: Option<(f64, Gut)> = None;
     for (jitter, share, k) in tries.chain(narrow) {
         let mut draw = Stream::new(seed, 100 + k);
-        let gut = ileum(scale, valve, jitter, share, ridges, &mut draw);
-        // The last stretch meets the colon at the valve.
-        let near = |b: &(DVec3, f64)| b.0.distance(valve.spot.at) - b.1;
-        let colon: Vec<_> = colon.iter().copied().filter(|c| near(c) > 24.0 * scale).collect();
+        let gut = ileum(scale, valve, &colon, [jitter, share], ridges, &mut draw);
         let room = gut.clearance(&colon).min(gut.own_clearance());
         if best.as_ref().is_none_or(|(least, _)| room > *least) {
             best = Some((room, gut));
@@ -109,22 +110,36 @@ pub(crate) fn place(scale: f64, valve: &Valve, colon: &[(DVec3, f64)], seed: u64
     Guts { tubes, passage: valve.slit }
 }
 
-/// Returns the ileum. Its axis ends behind the valve.
-fn ileum(scale: f64, valve: &Valve, jitter: f64, share: f64, ridges: Ridges, draw: &mut Stream) -> Gut {
+/// Returns the ileum. Its axis ends behind the valve, and it is narrower where the colon is near.
+fn ileum(
+    scale: f64,
+    valve: &Valve,
+    colon: &[(DVec3, f64)],
+    [jitter, share]: [f64; 2],
+    ridges: Ridges,
+    draw: &mut Stream,
+) -> Gut {
     let into = -valve.spot.up;
     let end_radius = 6.5 * scale.max(0.75);
     let end = valve.spot.at + into * (BEHIND_MM + end_radius);
-    // The cecum's side and the plain beside it differ with the seed, so that the first two points follow the valve.
-    let mut all = vec![(end, end_radius), (end + into * (14.0 * scale) + DVec3::Z * (4.0 * scale), 7.0 * scale)];
+    // The cecum's side and the plain beside it differ with the seed, so the first points follow the valve.
+    let mut all = vec![(end, end_radius), (end + (into * 4.0 + DVec3::Z * 8.0) * scale, 7.0 * scale)];
+    all.push((end + (into * 4.0 + DVec3::new(-3.0, -7.0, 22.0)) * scale, 7.5 * share.max(0.8) * scale));
     for (at, radius) in ILEUM {
         let off = DVec3::new(draw.within(-1.0, 1.0), draw.within(-1.0, 1.0), draw.within(-1.0, 1.0));
         let radius = radius * draw.within(0.88, 1.12) * share * scale;
         all.push(((DVec3::from_array(at) + off * jitter) * scale, radius));
     }
+    for (at, radius) in &mut all[2..] {
+        let room = colon.iter().map(|(c, r)| c.distance(*at) - r).fold(f64::INFINITY, f64::min);
+        *radius = radius.min((room - APART_MM - 0.5).max(5.0 * scale));
+    }
     all.reverse();
     let places: Vec<DVec3> = all.iter().map(|a| a.0).collect();
     let profile: Vec<DVec3> = all.iter().map(|a| DVec3::new(a.1, 0.0, 1.0)).collect();
-    Gut::new(BodyKind::SmallBowel, Centerline::through(&places, &profile), ridges)
+    let mut gut = Gut::new(BodyKind::SmallBowel, Centerline::through(&places, &profile), ridges);
+    gut.reach_past_end(16.0);
+    gut
 }
 
 /// Closes the tube in up to three places.

@@ -17,7 +17,7 @@ struct Lung {
 
 /// The left and the right lung.
 const LUNGS: [Lung; 2] = [
-    Lung { middle: [84.0, 30.0], half: [52.0, 70.0], dome: 188.0, drop: 20.0 },
+    Lung { middle: [86.0, 42.0], half: [50.0, 60.0], dome: 186.0, drop: 20.0 },
     Lung { middle: [-82.0, 28.0], half: [54.0, 72.0], dome: 172.0, drop: 24.0 },
 ];
 

@@ -73,6 +73,12 @@ impl Gut {
         Self { kind, axis, ridges, pinches: Vec::new(), fluid: None, reach }
     }
 
+    /// Lets positions up to `more` mm beyond the usual distance depend on the tube's last knots.
+    pub(crate) fn reach_past_end(&mut self, more: f64) {
+        let last = self.reach.len().saturating_sub(5);
+        self.reach[last..].iter_mut().for_each(|reach| *reach += more);
+    }
+
     /// Returns the radius at arc length `s` and angle `phi`, mm, and its derivatives; it is negative where the tube is closed.
     fn radius(&self, s: f64, phi: impl Fn() -> f64) -> (f64, f64, f64) {
         let (r, r_s) = self.axis.profile(s).radius;
@@ -153,7 +159,7 @@ impl Gut {
         let step = self.axis.knot_step();
         let mut least = f64::INFINITY;
         for (i, (a, r)) in balls.iter().enumerate() {
-            if self.axis.curvature(i as f64 * step) * r > 0.8 {
+            if self.axis.curvature(i as f64 * step) * r > 0.9 {
                 return -1.0;
             }
             for (j, (b, q)) in balls.iter().enumerate().skip(i + 1) {
