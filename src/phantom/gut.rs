@@ -120,7 +120,9 @@ impl Gut {
     fn distance(&self, foot: &FootPoint) -> f64 {
         let (r, r_s, r_phi) = self.radius(foot.s, || self.axis.angle(foot));
         let arm = foot.rho.max(0.4 * r.abs()).max(1.0);
-        let (by_s, by_phi) = (r_s / foot.stretch, r_phi / arm);
+        // In the tissue, and on the inside of a bend, the ridges' slope matters less and less.
+        let near = 1.0 - smooth_step(0.5, 2.5, foot.rho - r);
+        let (by_s, by_phi) = (near * r_s / foot.stretch.max(0.5), near * r_phi / arm);
         (foot.rho - r) / (1.0 + by_s * by_s + by_phi * by_phi).sqrt()
     }
 
