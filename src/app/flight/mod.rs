@@ -375,6 +375,7 @@ mod tests {
                 joined_to: Vec::new(),
                 length_mm: 30.0,
                 way: Vec::new(),
+                judged: None,
             }];
             let plan = Plan { segment, ..Plan::between(ends[0], goal, 30.0) };
             let (lumen, scene, fields) = (Arc::new(lumen), Scene::default(), Fields::default());

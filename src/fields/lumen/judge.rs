@@ -15,7 +15,7 @@ use crate::volume::Volume;
 /// Utano 2021).
 const WHOLE_MM: f64 = 950.0;
 /// Worth of a body about which nothing speaks for or against the colon, mm of a chain …
-const WORTH_MM: f64 = 40.0;
+const WORTH_MM: f64 = 80.0;
 /// … and of each unit of evidence.
 const EVIDENCE_MM: f64 = 60.0;
 
@@ -98,10 +98,11 @@ fn judge(volume: &Volume, bodies: &Bodies, told: &[Told], landmarks: &Landmarks)
     let scale = landmarks.scale();
     let body = Body::of(volume, bodies.lowest());
     let order = order::order(&bodies.links(volume.grid(), worth), &body);
+    let is_trusted = order.trusted && !landmarks.is_chest();
     let links = &order.chain[..order.passed];
-    let is_whole = order.trusted && order.length_mm >= WHOLE_MM * scale;
+    let is_whole = is_trusted && order.length_mm >= WHOLE_MM * scale;
     let chain = |n: usize| match links.iter().any(|l| l.0 == n) {
-        true if order.trusted => Chain::Link,
+        true if is_trusted => Chain::Link,
         false if is_whole => Chain::Spare,
         _ => Chain::Unknown,
     };

@@ -289,7 +289,7 @@ impl Bodies {
             .collect();
         let [gas, fluid] = [self.gas, self.fluid].map(|rows| rows.select(|label| Some(place[label as usize])));
         let lying = position::lying(frame, self.down, landmarks.as_ref());
-        let ordered = order.trusted;
+        let ordered = order.trusted && landmarks.as_ref().is_none_or(|l| !l.is_chest());
         Lumen { segments, ordered, landmarks, lying, ..Lumen::of_rows(volume.grid(), gas, fluid) }
     }
 }

@@ -8,6 +8,8 @@ use crate::volume::{Grid, Volume};
 const ORDERED_AT_MOST: usize = 9;
 /// Cost of a millimetre between two segments joined by tagged fluid.
 const FLUID_GAP: f64 = 0.3;
+/// Maximum length of a pool at an end, mm.
+const POOL_MM: f64 = 120.0;
 /// A gap of this length costs twice its millimetres: colon collapses over a few centimetres, seldom over more.
 const DEAR_GAP_MM: f64 = 80.0;
 /// A gap longer than this costs no more for each of its millimetres.
@@ -172,7 +174,8 @@ fn length(links: &[Link], chain: &[(usize, bool)]) -> f64 {
 /// Returns the length of the gap between the end `from` of a segment and the end `to` of another, mm; what fluid fills counts less.
 fn gap_mm(a: &Link, b: &Link, from: DVec3, to: DVec3) -> f64 {
     let through = |fluid: &[DVec3], near: DVec3, far: DVec3| {
-        fluid.iter().map(|f| FLUID_GAP * f.distance(near) + f.distance(far)).fold(f64::INFINITY, f64::min)
+        let reached = fluid.iter().filter(|f| f.distance(near) <= POOL_MM);
+        reached.map(|f| FLUID_GAP * f.distance(near) + f.distance(far)).fold(f64::INFINITY, f64::min)
     };
     from.distance(to).min(through(&a.fluid, from, to)).min(through(&b.fluid, to, from))
 }

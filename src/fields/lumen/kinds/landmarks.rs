@@ -25,8 +25,10 @@ const LUNG_SHARE: f64 = 0.1;
 const CHEST_SHARE: f64 = 0.25;
 /// Minimum area of the table in a slice, mm².
 const TABLE_MM2: f64 = 500.0;
-/// A scan of which this share passes through the chest shows the chest.
-const CHEST: f64 = 0.25;
+/// A scan of which this share passes through the chest shows the chest …
+const CHEST: f64 = 0.2;
+/// … and one that reaches this far below the lungs shows the abdomen, too, mm, in an adult.
+const ABDOMEN_MM: f64 = 220.0;
 /// Minimum area of bone on each side of a slice through the pelvis, mm², in an adult.
 const PELVIS_MM2: f64 = 350.0;
 
@@ -179,8 +181,11 @@ impl Landmarks {
             slices.iter().map(|s| (s.z, s.lung.len() as f64 / (s.lung.len() + s.body) as f64)).collect();
         let table = table(slices, middle, half_width, depth, area_mm2);
         let is_chest = |l: &&(f64, f64)| l.1 >= CHEST_SHARE;
-        // From the top down: lung ends where a slice has hardly any.
-        let lowest_lung = lung.iter().rev().take_while(|l| l.1 >= LUNG_SHARE).last().map(|l| l.0);
+        // The longest stretch of slices with lung; arms and bowel make shorter ones.
+        let stretches = lung.chunk_by(|a, b| (a.1 >= LUNG_SHARE) == (b.1 >= LUNG_SHARE));
+        let lungs = stretches.filter(|s| s[0].1 >= LUNG_SHARE);
+        let lungs = lungs.reduce(|a, b| if b.len() >= a.len() { b } else { a });
+        let lowest_lung = lungs.map(|s| s[0].0);
         let is_pelvis = |s: &Slice| {
             let side = |sign: f64| {
                 let far = |b: &&[f64; 2]| {
@@ -206,9 +211,10 @@ impl Landmarks {
         })
     }
 
-    /// True if so much of the scan passes through the chest that the gas below the diaphragm is cut off.
+    /// True if the scan shows the chest and little below it: a colon's gas is cut off.
     pub fn is_chest(&self) -> bool {
-        self.chest >= CHEST
+        let below = self.diaphragm.map_or(f64::INFINITY, |z| z - self.span[0]);
+        self.chest >= CHEST && below < ABDOMEN_MM * self.scale()
     }
 
     /// Returns the patient's size compared with an adult's.

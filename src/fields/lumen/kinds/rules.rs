@@ -49,7 +49,8 @@ pub const RULES: &[Rule] = {
         rule(Colon, 1.0, "it lies in a flank", |f, _| f.aside.abs() > 0.5 && f.along_mm > 60.0),
         rule(Colon, 1.0, "it spans the abdomen", |f, _| f.across > 0.55 || f.along_mm > 200.0),
         rule(Colon, 1.0, "tagged fluid joins it to a larger body", |f, _| f.joined),
-        rule(SmallBowel, 3.0, "the colon is complete without it", |_, c| c == Chain::Spare),
+        rule(Colon, -3.0, "the colon is complete without it", |_, c| c == Chain::Spare),
+        rule(SmallBowel, 1.0, "the colon is complete without it", |f, c| c == Chain::Spare && f.length_mm > 60.0),
         rule(SmallBowel, 1.0, "it is as narrow as small bowel", |f, _| f.caliber_mm < 20.0 && f.length_mm > 60.0),
         rule(SmallBowel, 0.5, "it is narrower than a colon", |f, _| f.caliber_mm < 26.0 && f.length_mm > 60.0),
         rule(SmallBowel, 0.5, "it lies in the middle of the abdomen", |f, _| {
@@ -58,10 +59,16 @@ pub const RULES: &[Rule] = {
         rule(Stomach, 2.0, "it is short, wide and on the upper left", |f, _| {
             f.caliber_mm > 36.0 && f.length_mm < 5.0 * f.caliber_mm && f.aside > -0.1 && f.height > 0.6
         }),
-        rule(Stomach, 1.5, "it lies below the left lung", |f, _| {
-            f.ml > 30.0 && f.aside > 0.05 && f.along_mm < 160.0 && f.below_lungs_mm.is_some_and(|mm| mm < 60.0)
+        rule(Stomach, 2.5, "it lies high, below the left lung", |f, _| {
+            f.ml > 20.0
+                && (-0.15..0.7).contains(&f.aside)
+                && f.across < 0.4
+                && f.along_mm < 160.0
+                && f.below_lungs_mm.is_some_and(|mm| mm < 60.0)
         }),
-        rule(Trachea, 5.0, "it is a narrow tube between the lungs", |f, _| is_airway(f) && f.lung_beside > 0.12),
+        rule(Trachea, 5.0, "it is a narrow tube in the chest", |f, _| {
+            is_airway(f) && f.lung_beside > 0.12 && f.below_lungs_mm.is_some_and(|mm| mm < 0.0)
+        }),
         rule(Lung, 7.0, "it is no tube and lies in the chest", |f, _| {
             is_no_tube(f) && f.lung_beside > 0.12 && f.below_lungs_mm.is_some_and(|mm| mm < 0.0)
         }),
