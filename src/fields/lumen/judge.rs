@@ -112,21 +112,6 @@ fn judge(volume: &Volume, bodies: &Bodies, told: &[Told], landmarks: &Landmarks)
             judged[n as usize] = Judged { kind, why: "the reader said so", is_lumen: kind == GasKind::Colon };
         }
     }
-    if std::env::var_os("COLVIS_KINDS").is_some() {
-        eprintln!("{landmarks:?} chain {:?} trusted {} {:.0}", links, order.trusted, order.length_mm);
-        for n in 0..count {
-            let s = &bodies.segments[n];
-            eprintln!(
-                "{n} {:.0} ml {:.0?} {:?} worth {:.0} {:?} {:?}",
-                s.ml,
-                s.ends,
-                judged[n],
-                worth(n),
-                rules::weigh(&features[n], chain(n), None),
-                features[n]
-            );
-        }
-    }
     (judged, features)
 }
 

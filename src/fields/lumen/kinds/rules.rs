@@ -83,7 +83,7 @@ fn is_airway(f: &Features) -> bool {
 
 /// True if the largest ball in it is much narrower than a tube of its volume and length: vessels or walls run through it.
 fn is_no_tube(f: &Features) -> bool {
-    f.ml > 60.0 && f.widest_mm < 0.5 * f.caliber_mm
+    f.ml > 60.0 && f.fluid < 0.2 && f.widest_mm < 0.4 * f.caliber_mm
 }
 
 /// Returns the weight of each kind, in the order of [`GasKind::ALL`].
