@@ -19,18 +19,20 @@ const SMOOTH_MM: f64 = 18.0;
 const ASIDE: f64 = 0.2;
 /// How much higher a place 1 mm farther to the side counts, mm.
 const SIDE_WORTH: f64 = 0.3;
-/// Slope of the way, as the vertical share of its direction, at which a flexure begins and ends, and its tolerance.
-const FLEXURE: [f64; 2] = [0.55, 0.15];
+/// Slope of the way, as the vertical share of its direction, at which a flexure begins, and its tolerance.
+const FLEXURE_BEGINS: [f64; 2] = [0.2, 0.2];
+/// Slope at which it ends: the colon leaves a flexure steeply.
+const FLEXURE_ENDS: [f64; 2] = [0.92, 0.06];
 /// A flexure reaches at most this far from its highest place, mm, in an adult.
-const FLEXURE_MM: f64 = 60.0;
+const FLEXURE_MM: f64 = 85.0;
 /// Slope of the way where the descending colon begins, and its tolerance.
-const DESCENDING: [f64; 2] = [0.8, 0.1];
+const DESCENDING: [f64; 2] = [0.92, 0.04];
 /// Length of the rectum, mm, in an adult: least, usual and most.
 const RECTUM_MM: [f64; 3] = [120.0, 155.0, 200.0];
 /// Length of the cecum up to the centre of the last ball, mm, in an adult, and its tolerance.
 const CECUM_MM: [f64; 2] = [32.0, 15.0];
-/// Minimum uncertainty of a junction, mm.
-const LEAST_MM: f64 = 8.0;
+/// Minimum uncertainty of a junction, mm, in an adult.
+const LEAST_MM: f64 = 14.0;
 
 /// The names, from rectum to cecum.
 pub const NAMES: [&str; 8] =
@@ -76,32 +78,52 @@ impl Names {
 
     /// Returns the part nearest to a place (world, mm); `None` if the parts are not known.
     pub fn at(&self, world: DVec3) -> Option<Part> {
-        let square = |w: &&(DVec3, f64)| w.0.distance_squared(world);
-        let nearest = self.way.iter().min_by(|a, b| square(a).total_cmp(&square(b)))?;
-        self.parts.iter().find(|p| nearest.1 <= p.to_mm).or(self.parts.last()).copied()
+        let along = self.along_of(world)?;
+        self.parts.iter().find(|p| along <= p.to_mm).or(self.parts.last()).copied()
     }
 
-    /// Returns the same parts with their limits along another line through the same colon, from rectum to cecum.
+    /// Returns how far along the way the place on it nearest to a position (world, mm) is.
+    fn along_of(&self, world: DVec3) -> Option<f64> {
+        let square = |w: &&(DVec3, f64)| w.0.distance_squared(world);
+        self.way.iter().min_by(|a, b| square(a).total_cmp(&square(b))).map(|w| w.1)
+    }
+
+    /// Returns the parts with their limits along another line through the same colon, in either direction; those that it does not
+    /// pass are left out.
     pub fn on(&self, line: &[DVec3]) -> Vec<Part> {
-        let other = evenly(line);
+        let line = evenly(line);
+        let ends = line.first().zip(line.last()).and_then(|(a, b)| self.along_of(a.0).zip(self.along_of(b.0)));
+        let Some((first, last)) = ends else { return Vec::new() };
+        let length = line.last().map_or(0.0, |l| l.1);
+        let is_reversed = first > last;
         let place = |mm: f64| {
-            let at = self.way.partition_point(|w| w.1 < mm).min(self.way.len().saturating_sub(1));
-            let from = self.way.get(at).map_or(DVec3::ZERO, |w| w.0);
-            let square = |w: &&(DVec3, f64)| w.0.distance_squared(from);
-            other.iter().min_by(|a, b| square(a).total_cmp(&square(b))).map_or(0.0, |w| w.1)
+            let at = self.way.partition_point(|w| w.1 < mm).min(self.way.len() - 1);
+            let square = |l: &&(DVec3, f64)| l.0.distance_squared(self.way[at].0);
+            line.iter().min_by(|a, b| square(a).total_cmp(&square(b))).map_or(0.0, |l| l.1)
         };
-        let end = other.last().map_or(0.0, |w| w.1);
+        let (low, high) = (first.min(last), first.max(last));
+        // Only what lies between the line's ends has a place on it.
+        let mut passed: Vec<Part> = self.parts.iter().filter(|p| p.to_mm > low && p.from_mm < high).copied().collect();
+        if is_reversed {
+            passed.reverse();
+        }
         let mut from_mm = 0.0;
-        let mut parts = Vec::with_capacity(self.parts.len());
-        for (n, p) in self.parts.iter().enumerate() {
-            let to_mm = if n + 1 == self.parts.len() { end } else { place(p.to_mm).max(from_mm) };
-            // A line through a part of the colon has only some of its names.
-            if to_mm > from_mm {
-                parts.push(Part { from_mm, to_mm, ..*p });
-            }
+        let count = passed.len();
+        for (n, p) in passed.iter_mut().enumerate() {
+            let ends = if is_reversed { p.from_mm } else { p.to_mm };
+            let to_mm = if n + 1 == count { length } else { place(ends).max(from_mm) };
+            let before = self.parts.iter().find(|o| o.to_mm == p.from_mm).map_or(0.0, |o| o.uncertainty_mm);
+            let uncertainty_mm = if n + 1 == count {
+                0.0
+            } else if is_reversed {
+                before
+            } else {
+                p.uncertainty_mm
+            };
+            *p = Part { from_mm, to_mm, uncertainty_mm, ..*p };
             from_mm = to_mm;
         }
-        parts
+        passed
     }
 }
 
@@ -163,7 +185,7 @@ impl Course<'_> {
     fn between(&self, find: impl Fn(f64) -> usize, [limit, slack]: [f64; 2]) -> (f64, f64) {
         let at = |limit: f64| self.way[find(limit)].1;
         let spread = 0.5 * (at(limit + slack) - at(limit - slack)).abs();
-        (at(limit), spread.max(LEAST_MM))
+        (at(limit), spread.max(LEAST_MM * self.body.scale()))
     }
 
     /// Returns the seven junctions in order: how far along, and the uncertainty, mm.
@@ -177,8 +199,8 @@ impl Course<'_> {
         let right = self.highest(left..last + 1, -1.0)?;
         let reach = steps(FLEXURE_MM);
         let flexure = |top: usize| {
-            let begins = self.between(|l| self.first(top, -1, top.saturating_sub(reach), 1.0, l), FLEXURE);
-            let ends = self.between(|l| self.first(top, 1, (top + reach).min(last), -1.0, l), FLEXURE);
+            let begins = self.between(|l| self.first(top, -1, top.saturating_sub(reach), 1.0, l), FLEXURE_BEGINS);
+            let ends = self.between(|l| self.first(top, 1, (top + reach).min(last), -1.0, l), FLEXURE_ENDS);
             [begins, ends]
         };
         let ([splenic, transverse], [hepatic, ascending]) = (flexure(left), flexure(right));
@@ -187,11 +209,14 @@ impl Course<'_> {
         let lowest = self.way.partition_point(|w| w.1 < RECTUM_MM[0] * scale).min(upright);
         let in_flank = |n: usize| self.body.aside(self.way[n].0) > ASIDE;
         let foot = |limit: f64| {
-            let mut n = upright;
-            while n > lowest && in_flank(n) && (self.slope(n) >= limit || n + steps(20.0) > upright) {
-                n -= 1;
-            }
-            n
+            let down = |mut n: usize, goes_on: &dyn Fn(usize) -> bool| {
+                while n > lowest && in_flank(n) && goes_on(n) {
+                    n -= 1;
+                }
+                n
+            };
+            let steep = down(upright, &|n| self.slope(n) < limit);
+            down(steep, &|n| self.slope(n) >= limit)
         };
         let descending = self.between(foot, DESCENDING);
         // The rectum ends where the way turns forward most, within its usual length.
@@ -203,5 +228,60 @@ impl Course<'_> {
             all[n].0 = all[n].0.max(all[n - 1].0);
         }
         Some(all)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fields::lumen;
+    use crate::phantom::{Phantom, PhantomSettings, Size};
+    use crate::progress::Progress;
+
+    /// Returns the errors of the seven junctions of a phantom, mm along its true axis, and the uncertainties told.
+    fn errors(settings: &PhantomSettings) -> Vec<(f64, f64)> {
+        let phantom = Phantom::new(settings);
+        let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+        let lumen = lumen::find(&volume, &Progress::new()).unwrap();
+        let truth = phantom.truth();
+        let names = lumen.names();
+        assert_eq!(names.parts.len(), NAMES.len(), "seed {}: ordered {}", settings.seed, lumen.ordered);
+        let found = names.on(&truth.centerline);
+        let pairs = found.iter().zip(&truth.names).take(7);
+        pairs.map(|(a, b)| (a.to_mm - b.to_mm, a.uncertainty_mm)).collect()
+    }
+
+    #[test]
+    fn junctions_are_where_a_phantom_has_them() {
+        for seed in 1..=3 {
+            let collapsed = seed == 2;
+            let settings = PhantomSettings { size: Size::Small, seed, collapsed, ..PhantomSettings::default() };
+            for (n, (error, uncertainty)) in errors(&settings).into_iter().enumerate() {
+                println!("seed {seed}: {} ends {error:.0} mm off, told within {uncertainty:.0} mm", NAMES[n]);
+                assert!(error.abs() < 20.0 && error.abs() < 2.5 * uncertainty, "{}: {error} mm", NAMES[n]);
+            }
+        }
+    }
+
+    #[test]
+    fn a_line_from_cecum_to_rectum_has_the_names_in_its_own_order() {
+        let settings = PhantomSettings { size: Size::Small, ..PhantomSettings::default() };
+        let phantom = Phantom::new(&settings);
+        let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+        let names = lumen::find(&volume, &Progress::new()).unwrap().names();
+        let mut line = phantom.truth().centerline;
+        let there = names.on(&line);
+        line.reverse();
+        let back = names.on(&line);
+        let length = there[7].to_mm;
+        assert_eq!(there.iter().map(|p| p.name).collect::<Vec<_>>(), NAMES);
+        for (a, b) in there.iter().zip(back.iter().rev()) {
+            assert_eq!(a.name, b.name);
+            assert!((a.from_mm - (length - b.to_mm)).abs() < 2.0 * STEP_MM, "{a:?}, {b:?}");
+        }
+        let half = names.on(&line[line.len() / 2..]);
+        assert!(half.len() < 8 && half.last().unwrap().name == "rectum", "{half:?}");
+        assert_eq!(names.at(line[0]).unwrap().name, "cecum");
+        assert_eq!((Names::default().at(DVec3::ZERO), Names::default().on(&line)), (None, Vec::new()));
     }
 }
