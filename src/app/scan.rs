@@ -13,6 +13,7 @@ use crate::app::{FlightApp, Scene, Setup};
 use crate::components::play::Playback;
 use crate::error::{Error, Result};
 use crate::fields::cleanse::{self, Cleansed};
+use crate::fields::lumen::Told;
 use crate::fields::{Lumen, lumen};
 use crate::phantom::{Phantom, PhantomSettings};
 use crate::progress::Progress;
@@ -42,6 +43,10 @@ use crate::volume::io::{self, LoadOptions};
 pub struct Scan {
     volume: PreparedVolume,
     lumen: Option<Arc<Lumen>>,
+    /// Kinds that the reader gave to gas.
+    told: Vec<Told>,
+    /// The lumen before the kinds were given to the gas of a scan without tag: it knows the ends.
+    former: Option<Arc<Lumen>>,
     without_tag: Option<WithoutTag>,
     /// What was taken out of this scan itself.
     cleansed: Option<Arc<Cleansed>>,
@@ -130,7 +135,17 @@ impl Scan {
     }
 
     fn ready(volume: PreparedVolume, timings: Timings, progress: Arc<Progress>) -> Self {
-        Self { volume, lumen: None, without_tag: None, cleansed: None, timings, notes: Vec::new(), progress }
+        Self {
+            volume,
+            lumen: None,
+            told: Vec::new(),
+            former: None,
+            without_tag: None,
+            cleansed: None,
+            timings,
+            notes: Vec::new(),
+            progress,
+        }
     }
 
     fn made(volume: Volume, options: &OpenOptions, mut timings: Timings) -> Result<Self> {
@@ -160,6 +175,24 @@ impl Scan {
         std::mem::take(&mut self.notes)
     }
 
+    /// Gives kinds to the gas at some places (world, mm), instead of those given before. The lumen, and what follows from it, is found
+    /// anew; of a later place in the same gas, the kind counts. Tag that was taken out of the scan stays out.
+    pub fn tell(&mut self, told: Vec<Told>) {
+        if told == self.told {
+            return;
+        }
+        let lumen = self.lumen.take();
+        if self.cleansed.is_some() && self.former.is_none() {
+            self.former = lumen;
+        }
+        (self.told, self.without_tag) = (told, None);
+    }
+
+    /// Returns the kinds that were given to gas.
+    pub fn told(&self) -> &[Told] {
+        &self.told
+    }
+
     /// Returns the colon's lumen, which the first call segments.
     ///
     /// # Errors
@@ -169,7 +202,11 @@ impl Scan {
             return Ok(Arc::clone(lumen));
         }
         check_thick(self.volume.voxels())?;
-        let found = self.timings.time("lumen_s", || lumen::find(self.volume.voxels(), &self.progress))?;
+        let find = || lumen::find_told(self.volume.voxels(), &self.told, &self.progress);
+        let mut found = self.timings.time("lumen_s", find)?;
+        if let Some(former) = &self.former {
+            cleanse::keep_ends(&mut found, former);
+        }
         Ok(Arc::clone(self.lumen.insert(Arc::new(found))))
     }
 
@@ -212,7 +249,8 @@ impl Scan {
     }
 
     fn lumen_without_tag(&mut self, volume: &PreparedVolume, before: &Lumen) -> Result<Arc<Lumen>> {
-        let found = self.timings.time("cleansed_lumen_s", || lumen::find(volume.voxels(), &self.progress));
+        let find = || lumen::find_told(volume.voxels(), &self.told, &self.progress);
+        let found = self.timings.time("cleansed_lumen_s", find);
         let mut lumen = found?;
         cleanse::keep_ends(&mut lumen, before);
         Ok(Arc::new(lumen))
@@ -227,6 +265,7 @@ impl Scan {
         if self.without_tag.is_none() {
             let mut other = Self::ready(self.volume.clone(), Timings::default(), Arc::clone(&self.progress));
             other.lumen = Some(Arc::clone(&found));
+            other.told.clone_from(&self.told);
             let cleansed = other.cleanse_with(cleanse::to_fly)?;
             let lumen = other.lumen()?;
             other.timings.parts().iter().for_each(|&(name, seconds)| self.timings.add(name, seconds));
@@ -296,7 +335,8 @@ impl Scan {
         };
         self.notes.extend(plan.notes.iter().cloned());
         let fields = Fields::default();
-        self.fly(Setup { volume, lumen, plan, scene, fields, cleansed })
+        let told = self.told.clone();
+        self.fly(Setup { volume, lumen, plan, scene, fields, cleansed, told })
     }
 
     /// Creates a flight from its parts, with the fields that it needs.
@@ -365,6 +405,21 @@ mod tests {
 
     use super::*;
     use crate::volume::Grid;
+
+    #[test]
+    fn what_is_told_counts_in_every_lumen_of_the_scan() {
+        let mut scan = Scan::phantom(1).unwrap();
+        let before = scan.lumen().unwrap();
+        let told = vec![(before.segments[0].ends[0], lumen::GasKind::Stomach)];
+        scan.tell(told.clone());
+        let now = scan.lumen().unwrap();
+        assert!(now.gas_ml() < before.gas_ml() - 1.0 && scan.told() == told);
+        // Also in the scan without tag, and taken back.
+        scan.cleanse().unwrap();
+        assert!(scan.lumen().unwrap().gas_ml() < before.gas_ml() - 1.0);
+        scan.tell(Vec::new());
+        assert!((scan.lumen().unwrap().gas_ml() - before.gas_ml()).abs() < 1.0);
+    }
 
     #[test]
     fn a_scan_of_a_single_slice_is_refused() {

@@ -1,11 +1,13 @@
 //! Slices: cross-sections of the scan drawn beside the flight's picture.
 
+use std::sync::Arc;
+
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 
 use super::camera::Pose;
 use crate::render::Frame;
-use crate::render::slice::{PlaneFrame, Slab, Slice, SlicePlane, Windowing};
+use crate::render::slice::{PlaneFrame, Slab, Slice, SlicePlane, Tint, Windowing};
 use crate::volume::{Grid, Volume};
 
 /// The orientation of a slice.
@@ -82,6 +84,8 @@ pub struct SliceView {
     pub slab: Slab,
     /// The entity whose [`Scan`](super::scan::Scan) lies over that which is flown through: a box of its voxels with other values.
     pub patch: Option<Entity>,
+    /// Colours over the bodies of gas.
+    pub tint: Option<Arc<Tint>>,
     /// Width and height, pixels.
     pub size: [usize; 2],
     /// Maximum samples of the scan per frame; `None` for no limit.
@@ -98,6 +102,8 @@ pub struct SliceView {
     grey: Vec<u8>,
     /// The slice, slab, greys and patch of the current image.
     shown: Option<(Slice, Slab, Windowing, Option<Entity>)>,
+    /// The colours of the current image.
+    tinted: Option<Arc<Tint>>,
     /// While the image has larger pixels: the values of the fine image, and the number of its rows done so far.
     finer: Vec<f32>,
     rows: Option<usize>,
@@ -128,6 +134,7 @@ impl SliceView {
             windowing: Windowing::default(),
             slab: Slab::default(),
             patch: None,
+            tint: None,
             size,
             budget: None,
             frame: Frame::default(),
@@ -135,6 +142,7 @@ impl SliceView {
             hu: Vec::new(),
             grey: Vec::new(),
             shown: None,
+            tinted: None,
             finer: Vec::new(),
             rows: None,
         }
@@ -149,6 +157,7 @@ impl SliceView {
             windowing: self.windowing,
             slab: self.slab,
             patch: self.patch,
+            tint: self.tint.clone(),
             budget: self.budget,
             ..Self::new(self.orientation, self.size)
         }
@@ -203,7 +212,13 @@ impl SliceView {
 
     /// Returns true if the image is out of date or not yet refined.
     pub fn is_stale(&self, grid: &Grid, pose: &Pose) -> bool {
-        self.rows.is_some() || self.shown != Some((self.slice(grid, pose), self.slab, self.windowing, self.patch))
+        let wanted = (self.slice(grid, pose), self.slab, self.windowing, self.patch);
+        self.rows.is_some() || self.shown != Some(wanted) || !self.has_its_colours()
+    }
+
+    /// True if the image has the colours that it should have.
+    fn has_its_colours(&self) -> bool {
+        self.tint.as_ref().map(Arc::as_ptr) == self.tinted.as_ref().map(Arc::as_ptr)
     }
 
     /// Draws the image if it is stale. `patch` is the volume of [`SliceView::patch`].
@@ -211,7 +226,7 @@ impl SliceView {
         let wanted = (self.slice(volume.grid(), pose), self.slab, self.windowing, self.patch);
         let (slice, slab) = (wanted.0, wanted.1);
         let scan = Patched { volume, patch };
-        self.made = self.shown != Some(wanted);
+        self.made = self.shown != Some(wanted) || !self.has_its_colours();
         // New grey levels need no new values.
         if self.shown.is_none_or(|s| (s.0, s.1, s.3) != (slice, slab, self.patch)) {
             self.fill(scan, slice, slab);
@@ -230,6 +245,10 @@ impl SliceView {
         for (pixel, grey) in self.frame.buffers().0.iter_mut().zip(&self.grey) {
             *pixel = [*grey; 3];
         }
+        if let Some(tint) = &self.tint {
+            tint.paint(&slice, &mut self.frame);
+        }
+        self.tinted.clone_from(&self.tint);
         self.shown = Some(wanted);
     }
 

@@ -323,6 +323,26 @@ fn a_kept_session_never_keeps_a_scan_from_being_opened() {
     assert!(err.starts_with("note: ") && err.contains("\"none\""), "{err}");
     let [first, again] = ["f.jsonl", "again.jsonl"].map(|name| place(&log(folder, name)[0]));
     assert!(first.distance(again) < 1.0);
+    // Kinds of gas that are damaged, invalid, or leave nothing to fly, neither.
+    let kinds = folder.join("state/colvis/kinds").join(kept[0].file_name().unwrap());
+    fs::create_dir_all(kinds.parent().unwrap()).unwrap();
+    let start = place(&log(folder, "f.jsonl")[0]);
+    let stomach = format!(r#"{{"at": [{}, {}, {}], "kind": "stomach"}}"#, start.x, start.y, start.z);
+    for (told, noted) in [
+        ("{".to_owned(), true),
+        (
+            r#"{"version": 1, "told": [7, {"at": [0, 0, 1e9], "kind": "lung"}, {"at": [1], "kind": "x"}]}"#.to_owned(),
+            false,
+        ),
+        (format!(r#"{{"version": 1, "told": [{stomach}]}}"#), true),
+    ] {
+        fs::remove_file(&kept[0]).unwrap_or_default();
+        fs::write(&kinds, &told).unwrap();
+        let err = quit(screen.fly(folder, "told.jsonl"));
+        assert!(if noted { err.starts_with("note: ") } else { err.is_empty() }, "{told}: {err}");
+        assert_eq!(fs::read_to_string(&kinds).unwrap(), told, "it is left as it was");
+    }
+    fs::remove_file(&kinds).unwrap();
     // Playing a log, even backwards, leaves the session untouched.
     fs::write(&kept[0], &text).unwrap();
     for more in [&[][..], &["--reverse"]] {

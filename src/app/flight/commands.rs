@@ -35,7 +35,7 @@ impl FlightApp {
         Ok(())
     }
 
-    fn follow(&mut self, command: &FlightCommand) -> Result<()> {
+    pub(super) fn follow(&mut self, command: &FlightCommand) -> Result<()> {
         match command {
             FlightCommand::Guide(name) => {
                 let guide = self.setup.scene.find(name)?.name;
@@ -104,7 +104,7 @@ impl FlightApp {
 
     /// Rebuilds the flight after a change. If that fails, `back` undoes the change and the flight is rebuilt for its former
     /// state.
-    fn change(&mut self, back: impl FnOnce(&mut Self)) -> Result<()> {
+    pub(super) fn change(&mut self, back: impl FnOnce(&mut Self)) -> Result<()> {
         self.setup.build_fields(&self.progress).and_then(|()| self.rebuild()).or_else(|e| {
             back(self);
             self.setup.build_fields(&self.progress)?;
@@ -201,7 +201,7 @@ impl FlightApp {
         }
     }
 
-    fn note_flown(&mut self) {
+    pub(super) fn note_flown(&mut self) {
         let state = self.flight().state;
         if let Some(mut flown) = self.camera_mut::<Flown>() {
             flown.note(state);

@@ -3,6 +3,8 @@
 mod assemble;
 mod commands;
 mod survey;
+#[cfg(feature = "window")]
+mod told;
 pub(crate) mod views;
 
 use std::sync::Arc;
@@ -24,6 +26,7 @@ use crate::error::{Error, Result};
 use crate::fields::Lumen;
 use crate::fields::cleanse::Cleansed;
 use crate::fields::clearance::TOLERANCE_MM;
+use crate::fields::lumen::Told;
 use crate::panics;
 use crate::progress::Progress;
 use crate::render::{Frame, Reuse, Settings, View, renderer};
@@ -33,6 +36,8 @@ use crate::systems;
 
 pub use commands::CommandRecord;
 pub use survey::Survey;
+#[cfg(feature = "window")]
+pub(crate) use told::{Onward, onward};
 pub use views::Views;
 
 /// A running flight. A host drives it in the same manner in a window and headless.
@@ -66,6 +71,8 @@ pub struct Setup {
     pub fields: Fields,
     /// What was taken out of the scan for this flight: its changes hold the values that the scan had. `None` if it is flown as it is.
     pub cleansed: Option<Arc<Cleansed>>,
+    /// Kinds that the reader gave to gas. The lumen was found with them.
+    pub told: Vec<Told>,
 }
 
 impl Setup {
@@ -94,7 +101,8 @@ impl FlightApp {
     /// Returns an error if the scene is inconsistent, and status 4 if the guide plans and there is no path.
     pub fn new(volume: PreparedVolume, lumen: Arc<Lumen>, plan: Plan, scene: Scene) -> Result<Self> {
         scene.check()?;
-        let mut setup = Setup { volume, lumen, plan, scene, fields: Fields::default(), cleansed: None };
+        let mut setup =
+            Setup { volume, lumen, plan, scene, fields: Fields::default(), cleansed: None, told: Vec::new() };
         let progress = Arc::new(Progress::new());
         setup.build_fields(&progress)?;
         Self::with_fields(setup, progress)
@@ -379,7 +387,7 @@ mod tests {
             }];
             let plan = Plan { segment, ..Plan::between(ends[0], goal, 30.0) };
             let (lumen, scene, fields) = (Arc::new(lumen), Scene::default(), Fields::default());
-            Setup { volume: volume.clone(), lumen, plan, scene, fields, cleansed: None }.is_reversed()
+            Setup { volume: volume.clone(), lumen, plan, scene, fields, cleansed: None, told: Vec::new() }.is_reversed()
         };
         let ends = [rectal, cecal];
         assert!(reversed(ends, rectal, Some(0)) && reversed(ends, DVec3::new(5.0, 19.0, 5.0), Some(0)));

@@ -38,13 +38,13 @@ impl<'a> Survey<'a> {
     /// Returns status 4 if interrupted.
     pub fn coverage(self, fov_degrees: f64) -> Result<Option<Coverage>> {
         let places = self.trail().map_or(&[][..], Trail::views);
-        let FlightApp { setup: Setup { volume, lumen, plan, .. }, progress, .. } = self.flight;
+        let FlightApp { setup: Setup { volume, lumen, plan, told, .. }, progress, .. } = self.flight;
         let mut gas = plan.gas.clone().unwrap_or_else(|| Arc::clone(lumen));
         if gas.segments.is_empty()
             && let Some(first) = places.first()
         {
             // A played log: the colon has not been segmented until now.
-            gas = Arc::new(lumen::find(volume.voxels(), progress)?);
+            gas = Arc::new(lumen::find_told(volume.voxels(), told, progress)?);
             if gas.segment_at(first.0).is_none()
                 && let Some(there) = lumen::gas_at(volume.voxels(), first.0, progress)?
             {

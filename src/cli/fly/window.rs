@@ -8,12 +8,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 use serde_json::json;
 
 use super::files::read_commands;
-use super::{Screen, flight, leave, leave_unflown, open, overlays, scene, stats};
+use super::{Screen, flight, leave, leave_unflown, open, overlays, say, scene, stats};
 use crate::app::{FlightApp, Scene, Timings};
 use crate::cli::Program;
 use crate::cli::args::{FlyArgs, Global};
 use crate::cli::prepare;
-use crate::error::{Error, Result};
+use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
 use crate::host::window::{self, Resume};
 use crate::progress::Progress;
@@ -87,7 +87,19 @@ fn opening(
         let args = &prepare_args;
         let mut scan = open(args, &prepare_global, &scene, progress)?;
         let session = window::SessionFile::of(scan.volume().voxels());
-        let made = scan.cleanse_for(&scene).and_then(|()| flight(args, &mut scan, scene));
+        if resume(args) != Resume::Never {
+            scan.tell(session.told());
+        }
+        let mut made = scan.cleanse_for(&scene).and_then(|()| flight(args, &mut scan, scene.clone()));
+        if let Err(e) = &made
+            && !scan.told().is_empty()
+            && e.kind == Kind::Incomplete
+            && !progress.is_cancelled()
+        {
+            say(&format!("the kinds that you gave to gas do not count, because there is no flight with them: {e}"));
+            scan.tell(Vec::new());
+            made = scan.cleanse_for(&scene).and_then(|()| flight(args, &mut scan, scene));
+        }
         *kept.lock().unwrap_or_else(PoisonError::into_inner) = scan.timings().clone();
         let mut flight = made?;
         if let Some(commands) = commands {

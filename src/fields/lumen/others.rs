@@ -53,7 +53,7 @@ pub struct Others {
     /// Pieces, the largest first.
     pub pieces: Vec<Other>,
     /// Gas told by position and texture, and gas that was judged, labelled with the number of its kind.
-    rows: [Rows; 2],
+    pub(super) rows: [Rows; 2],
 }
 
 impl Others {

@@ -11,6 +11,7 @@ use super::panels::{AssistInput, PanelEntry};
 use super::workspace::LAYOUTS;
 use crate::app::Overlay;
 use crate::error::{Error, Result};
+use crate::fields::lumen::GasKind;
 use crate::polyps::answers::Answer;
 use crate::render::ImageSize;
 use crate::schedule::Guides;
@@ -73,6 +74,8 @@ pub(crate) enum WindowRequest {
     Quit,
     /// Show or hide the list of scans to open.
     Open,
+    /// Show or hide the kinds of gas in the slices, and their panel.
+    Kinds,
     /// Show the layout with this number.
     Layout(usize),
     /// Show or hide the panel with this number.
@@ -100,6 +103,10 @@ fn has_both_scans(c: &FlightController) -> std::result::Result<(), &'static str>
 
 fn has_list(c: &FlightController) -> std::result::Result<(), &'static str> {
     c.may_read()
+}
+
+fn has_body(c: &FlightController) -> std::result::Result<(), &'static str> {
+    c.kinds().may_tell()
 }
 
 fn shows_slices(c: &FlightController) -> std::result::Result<(), &'static str> {
@@ -258,7 +265,20 @@ const TABLE: &[Row] = &[
             c.assist(AssistInput::Measure, at.now);
         })
     },
-    once("undo", "undo the last change to distances or answers", "Ctrl+Z", FlightController::undo),
+    Row {
+        effect: Effect::Window(WindowRequest::Kinds),
+        ..once("kinds", "kinds of gas in the slices", "Ctrl+K", |_, _| {})
+    },
+    kind("kind-colon", "this gas is colon", "Ctrl+L", |c, at| c.tell_kind(Some(GasKind::Colon), at.now)),
+    kind("kind-small-bowel", "this gas is small bowel", "Ctrl+B", |c, at| {
+        c.tell_kind(Some(GasKind::SmallBowel), at.now);
+    }),
+    kind("kind-stomach", "this gas is stomach", "Ctrl+S", |c, at| c.tell_kind(Some(GasKind::Stomach), at.now)),
+    kind("kind-lung", "this gas is lung", "Ctrl+P", |c, at| c.tell_kind(Some(GasKind::Lung), at.now)),
+    kind("kind-trachea", "this gas is trachea", "Ctrl+T", |c, at| c.tell_kind(Some(GasKind::Trachea), at.now)),
+    kind("kind-unknown", "this gas may be colon", "Ctrl+D", |c, at| c.tell_kind(Some(GasKind::Unknown), at.now)),
+    kind("kind-as-judged", "this gas is what it was judged to be", "Ctrl+G", |c, at| c.tell_kind(None, at.now)),
+    once("undo", "undo the last change to distances, answers or kinds", "Ctrl+Z", FlightController::undo),
     once("delete-last", "delete the last distance", "Delete", FlightController::delete_last_measure),
     once("screenshot", "screenshot and its pose", "P F12", FlightController::take_screenshot),
     Row { effect: Effect::Window(WindowRequest::Fullscreen), ..once("fullscreen", "full screen", "F", |_, _| {}) },
@@ -273,6 +293,8 @@ const SLAB_ROW: &str = "slices: slab thickness, projection";
 
 /// Row of the help for the keys of the candidates.
 const STEP_ROW: &str = "candidates: next, previous";
+/// Row of the help for the keys that give a kind to gas.
+const KIND_ROW: &str = "gas: colon, small bowel, stomach, lung, trachea, unknown, as judged";
 const ANSWER_ROW: &str = "candidate: yes, no, unsure";
 
 const fn answer(
@@ -282,6 +304,15 @@ const fn answer(
     effect: fn(&mut FlightController, ActionContext),
 ) -> Row {
     Row { row: ANSWER_ROW, possible: has_list, ..once(id, text, keys, effect) }
+}
+
+const fn kind(
+    id: &'static str,
+    text: &'static str,
+    keys: &'static str,
+    effect: fn(&mut FlightController, ActionContext),
+) -> Row {
+    Row { row: KIND_ROW, possible: has_body, ..once(id, text, keys, effect) }
 }
 
 const fn greys(
@@ -306,7 +337,7 @@ pub(crate) const MENUS: &[(&str, &[&str])] = &[
     ("File", &["open", "screenshot", "quit"]),
     ("Flight", &["pause", "guide", "guide-", "reverse", "next", "other-end", "faster", "slower"]),
     ("View", &["tag", "detail", "light", "narrower", "wider", "usual-angle", "overlay-", "fullscreen"]),
-    ("Slices", &["window-", "slab", "slab-kind", "slices-reset"]),
+    ("Slices", &["window-", "slab", "slab-kind", "slices-reset", "kinds", "kind-"]),
     ("Measure", &["measure", "undo", "delete-last", "measure-lesion"]),
     ("Candidates", &["panel-candidates", "candidate-"]),
     ("Panels", &["layout-", "panel-"]),
@@ -524,6 +555,7 @@ mod tests {
             (id("Ctrl+0"), id("0"), id("Ctrl+C"), id("ß")),
             (Some("usual-angle"), Some("usual-angle"), None, None)
         );
+        assert_eq!((id("Ctrl+K"), id("Ctrl+B")), (Some("kinds"), Some("kind-small-bowel")));
         let help = all.help();
         let keys = |what: &str| help.iter().find(|r| r.1 == what).unwrap().0.as_str();
         assert_eq!(keys("fly forward, back"), "W S, Up Down");

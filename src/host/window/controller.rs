@@ -2,6 +2,7 @@
 
 mod assisting;
 mod pointing;
+mod telling;
 
 use std::collections::BTreeSet;
 use std::io::Write;
@@ -21,6 +22,7 @@ use super::field_job::FieldJob;
 use super::figures::{Figures, angle, detail};
 use super::framebuffer::{Framebuffer, PresentResult};
 use super::keys::HeldKeys;
+use super::kinds::Kinds;
 use super::measures::Measures;
 use super::moving::Moving;
 use super::overlay::{HudState, Severity};
@@ -92,8 +94,10 @@ pub(crate) struct FlightController {
     assistant: Option<Box<Assistant>>,
     /// The file of the answers to this scan's candidates.
     answers_file: Option<PathBuf>,
-    /// True if the last change was an answer, and no distance.
-    has_answered: bool,
+    /// The kinds of gas, found once somebody asks for them.
+    kinds: Kinds,
+    /// What was changed last.
+    changed: Changed,
     /// True once anything of the flight was shown.
     has_shown: bool,
     wake: WakeUp,
@@ -105,6 +109,14 @@ pub(crate) struct FlightController {
     scale: f32,
     /// True if there is something new to show although the flight rests.
     attention: bool,
+}
+
+/// What a change was made to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Changed {
+    Distance,
+    Answer,
+    Kind,
 }
 
 /// Mouse and wheel movements since the last step. Each sum becomes one command, because a mouse reports far more often than the
@@ -135,6 +147,7 @@ impl FlightController {
         let scene = &flight.setup().scene;
         let automatic = scene.guide().into_iter().chain(scene.guides.iter()).find(|g| g.automatic);
         let last_guide = automatic.map_or("", |g| g.name);
+        let kinds = Kinds::new(flight.setup().told.clone(), now);
         Ok(Self {
             flight,
             accumulator: Accumulator::default(),
@@ -156,7 +169,8 @@ impl FlightController {
             cleansing: Cleansing::new(),
             assistant: None,
             answers_file: None,
-            has_answered: false,
+            kinds,
+            changed: Changed::Distance,
             has_shown: false,
             wake,
             last_guide,
@@ -282,7 +296,11 @@ impl FlightController {
         let planned = self.planning.is_some().then_some(self.start);
         let uncleansed = (self.cleansing.is_waiting() && self.has_shown).then_some(self.start);
         let searched = self.assistant.as_ref().and_then(|a| a.next());
-        [finer, message, self.figures.next(), attention, planned, uncleansed, searched].into_iter().flatten().min()
+        let told = self.kinds.next();
+        [finer, message, self.figures.next(), attention, planned, uncleansed, searched, told]
+            .into_iter()
+            .flatten()
+            .min()
     }
 
     /// Sends a command to the flight. Returns true if it succeeded. A refused command is reported and changes nothing.
@@ -591,6 +609,7 @@ impl FlightController {
         self.take_planned(now);
         self.take_cleansed(now);
         self.take_found(now);
+        self.take_kinds(now);
         for note in self.flight.take_notes() {
             self.say(note, now);
         }

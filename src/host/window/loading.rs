@@ -5,9 +5,11 @@ use std::sync::Arc;
 
 use super::job::Job;
 use super::overlay::Content;
-use super::session;
+use super::{session, told};
 use crate::app::FlightApp;
 use crate::error::Result;
+use crate::fields::lumen::Told;
+use crate::output;
 use crate::progress::Progress;
 use crate::volume::Volume;
 
@@ -27,6 +29,15 @@ impl SessionFile {
     /// counts as free.
     pub(crate) fn of(volume: &Volume) -> Self {
         Self(session::file(volume))
+    }
+
+    /// Returns the kinds that the reader gave to gas when the scan was open before. A file that cannot be read is reported.
+    pub(crate) fn told(&self) -> Vec<Told> {
+        let read = self.0.as_deref().and_then(session::kinds_file).map_or(Ok(Vec::new()), |path| told::read(&path));
+        read.unwrap_or_else(|e| {
+            output::to_stderr(format_args!("note: {e}"));
+            Vec::new()
+        })
     }
 
     /// Combines the session file with the scan's flight.

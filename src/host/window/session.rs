@@ -151,6 +151,11 @@ pub(crate) fn file(volume: &Volume) -> Option<PathBuf> {
     Folder::State.file(Path::new("sessions").join(format!("{:016x}.json", key(volume))))
 }
 
+/// Returns the file of the kinds that the reader gave to gas in the scan with this session file.
+pub(crate) fn kinds_file(session: &Path) -> Option<PathBuf> {
+    Folder::State.file(Path::new("kinds").join(session.file_name()?))
+}
+
 /// Computes a hash of the grid and of voxels spread over the volume.
 fn key(volume: &Volume) -> u64 {
     let (grid, data) = (volume.grid(), volume.data());

@@ -373,6 +373,8 @@ impl Shell {
         let (measures, unread) = Measures::open(file("measures"));
         controller.set_measures(measures);
         controller.set_answers_file(file("answers"));
+        // A flight that repeats another does not take what was said before, and must not overwrite it.
+        controller.set_kinds_file(file("kinds").filter(|_| self.resume != Resume::Never));
         if let Some(e) = &unread {
             output::to_stderr(format_args!("note: {e}"));
         }
@@ -502,6 +504,11 @@ impl Shell {
                         controller.assist(request, now);
                     }
                 }
+                Request::Kind(kind) => {
+                    if let Stage::Flying(controller) = &mut self.stage {
+                        controller.tell_kind(kind, now);
+                    }
+                }
                 Request::Action(id) => {
                     if let Some(action) = Rc::clone(&self.actions).named(&id) {
                         self.run(action, now, events);
@@ -526,6 +533,13 @@ impl Shell {
             WindowRequest::Quit => self.quit(events),
             WindowRequest::Fullscreen => self.switch_fullscreen(),
             WindowRequest::Open => self.workspace.switch_named("open"),
+            WindowRequest::Kinds => {
+                if let Stage::Flying(c) = &mut self.stage {
+                    let shown = !c.kinds().is_shown();
+                    c.show_kinds(shown, Instant::now());
+                    self.workspace.show_named("kinds", shown);
+                }
+            }
             WindowRequest::Layout(n) => self.workspace.choose(n),
             WindowRequest::Panel(n) => self.workspace.switch(n),
         }

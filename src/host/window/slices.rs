@@ -1,6 +1,7 @@
 //! The slices of a window: which are shown, their positions, and their grey-level window.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use bevy_ecs::prelude::Entity;
 use glam::DVec3;
@@ -9,7 +10,7 @@ use super::panels::SliceInput;
 use crate::app::FlightApp;
 use crate::components::slices::{Orientation, SliceView, ZOOMS};
 use crate::error::Result;
-use crate::render::slice::{Slab, SlabKind, Windowing};
+use crate::render::slice::{Slab, SlabKind, Tint, Windowing};
 
 /// Distance that the camera moves before the slices leave a place pointed at and follow the flight again, mm.
 const LEAVES_MM: f64 = 2.0;
@@ -36,6 +37,8 @@ pub(crate) struct Slices {
     slab: Slab,
     /// What lies over the scan that is flown through.
     patch: Option<Entity>,
+    /// Colours of the bodies of gas.
+    tint: Option<Arc<Tint>>,
     /// Fraction of a notch scrolled so far, in the slice that was scrolled last.
     scrolled: Option<(Orientation, f64)>,
 }
@@ -71,6 +74,11 @@ impl Slices {
     /// Lays another scan's box over that which is flown through.
     pub(crate) fn patch(&mut self, patch: Option<Entity>) {
         self.patch = patch;
+    }
+
+    /// Lays colours over the bodies of gas.
+    pub(crate) fn tint(&mut self, tint: Option<Arc<Tint>>) {
+        self.tint = tint;
     }
 
     /// Shows exactly these slices, in these sizes, with their state for the next frame. A camera that is `held` may still drift
@@ -112,6 +120,7 @@ impl Slices {
             let Some(mut view) = view else { continue };
             (view.size, view.place, view.windowing) = (*size, place, self.windowing);
             (view.slab, view.patch) = (self.slab, self.patch);
+            view.tint.clone_from(&self.tint);
             stale |= view.is_stale(&grid, &pose);
         }
         Ok(stale)

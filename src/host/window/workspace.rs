@@ -330,6 +330,14 @@ impl Workspace {
         self.layouts[self.layout].switch(name);
     }
 
+    /// Shows a panel, or hides it, by its name.
+    pub(crate) fn show_named(&mut self, name: &str, shown: bool) {
+        let layout = &mut self.layouts[self.layout];
+        if layout.is_shown(name) != shown {
+            layout.switch(name);
+        }
+    }
+
     /// Shows or hides a panel, by its number.
     pub(crate) fn switch(&mut self, panel: usize) {
         if let Some(p) = self.panels.get(panel) {

@@ -6,6 +6,7 @@ mod plane;
 mod slab;
 #[cfg(test)]
 mod tests;
+mod tint;
 mod windowing;
 
 use fearless_simd::Level;
@@ -17,6 +18,7 @@ use line::Sampler;
 
 pub use plane::{PlaneFrame, SlicePlane, letters};
 pub use slab::{MAX_SLAB_MM, Slab, SlabKind};
+pub use tint::Tint;
 pub use windowing::Windowing;
 
 /// An image of a plane.

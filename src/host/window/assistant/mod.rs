@@ -256,6 +256,7 @@ fn begin(flight: &FlightApp, cleansing: &Cleansing, wake: &WakeUp, now: Instant)
     let input = search::Input {
         volume: setup.volume.clone(),
         lumen: Arc::clone(&setup.lumen),
+        told: setup.told.clone(),
         tag: cleansing.tag(flight),
         preset: setup.scene.image.preset,
     };

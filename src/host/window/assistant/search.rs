@@ -10,7 +10,7 @@ use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
 use crate::fields::Lumen;
 use crate::fields::cleanse::{self, Cleansed};
-use crate::fields::lumen::{self, Along};
+use crate::fields::lumen::{self, Along, Told};
 use crate::host::window::cleansing::boxed;
 use crate::polyps::{self, Candidate, Colon, Measurement, Wall, detectors};
 use crate::progress::Progress;
@@ -33,6 +33,8 @@ pub(crate) struct Input {
     pub(crate) volume: PreparedVolume,
     /// Its lumen.
     pub(crate) lumen: Arc<Lumen>,
+    /// Kinds that the reader gave to gas.
+    pub(crate) told: Vec<Told>,
     /// What is known of its tag.
     pub(crate) tag: Tag,
     /// Renders the pictures.
@@ -129,7 +131,7 @@ pub(crate) fn search(input: Input, progress: &Progress) -> Result<Found> {
 
 /// Returns the scan without tag, and the lumen in it.
 fn clean(input: Input, progress: &Progress) -> Result<Clean> {
-    let Input { volume, lumen: known, tag, .. } = input;
+    let Input { volume, lumen: known, told, tag, .. } = input;
     let scanned = volume.shared_voxels();
     let as_it_is = |before: Before, volume: PreparedVolume, lumen: Arc<Lumen>| Clean {
         volume: volume.shared_voxels(),
@@ -139,7 +141,7 @@ fn clean(input: Input, progress: &Progress) -> Result<Clean> {
         bytes: 0,
     };
     let again = |volume: &Volume| -> Result<Arc<Lumen>> {
-        let mut found = lumen::find(volume, progress)?;
+        let mut found = lumen::find_told(volume, &told, progress)?;
         cleanse::keep_ends(&mut found, &known);
         Ok(Arc::new(found))
     };
@@ -248,7 +250,7 @@ mod tests {
         let part = volume.with_voxels(Arc::new(boxed(&scan, &lumen, &cleansed.changes)));
         let found = [Tag::Unknown, Tag::Beside(part)].map(|tag| {
             let (volume, lumen) = (volume.clone(), Arc::clone(&lumen));
-            search(Input { volume, lumen, tag, preset: Preset::default() }, &progress).unwrap()
+            search(Input { volume, lumen, told: Vec::new(), tag, preset: Preset::default() }, &progress).unwrap()
         });
         let places = |f: &Found| f.list.iter().map(|e| (e.candidate.position, e.candidate.score)).collect::<Vec<_>>();
         assert!(!found[0].list.is_empty() && places(&found[0]) == places(&found[1]));

@@ -6,8 +6,8 @@ use std::time::Instant;
 
 use glam::DVec3;
 
-use super::FlightController;
 use super::pointing::go_to;
+use super::{Changed, FlightController};
 use crate::components::camera::Pose;
 use crate::components::input::FlightCommand;
 use crate::components::scan::Walls;
@@ -59,7 +59,9 @@ impl FlightController {
     /// Executes a request to the assistant.
     pub(crate) fn assist(&mut self, request: AssistInput, now: Instant) {
         self.attention = true;
-        self.has_answered |= matches!(request, AssistInput::Answer(_) | AssistInput::Note(..) | AssistInput::Load(_));
+        if matches!(request, AssistInput::Answer(_) | AssistInput::Note(..) | AssistInput::Load(_)) {
+            self.changed = Changed::Answer;
+        }
         let file = &self.answers_file;
         let assistant = self.assistant.get_or_insert_with(|| Box::new(Assistant::new(file.clone(), now)));
         match request {

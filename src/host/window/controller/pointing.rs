@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 
-use super::{FlightController, recordable};
+use super::{Changed, FlightController, recordable};
 use crate::components::camera::Pose;
 use crate::components::input::{FlightCommand, HandCommand};
 use crate::components::output::Picture;
@@ -39,6 +39,9 @@ impl FlightController {
             }
         };
         self.stop(now);
+        if let SliceInput::Click(place) = request {
+            self.choose_body(place, now);
+        }
         self.slices.ask(&mut self.flight, request);
         // If the camera fits there, it moves along.
         if let Some(place) = points.filter(|_| self.flight.setup().scene.play().is_none()) {
@@ -101,9 +104,12 @@ impl FlightController {
         }
     }
 
-    /// Undoes the last change: of answers if one of those was the last, otherwise of the measures.
+    /// Undoes the last change: of kinds or answers if one of those was the last, otherwise of the measures.
     pub(crate) fn undo(&mut self, at: ActionContext) {
-        if self.has_answered && self.assistant().is_some_and(|a| a.reading().may_undo()) {
+        if self.changed == Changed::Kind && self.kinds.may_undo() {
+            return self.undo_kind(at.now);
+        }
+        if self.changed == Changed::Answer && self.assistant().is_some_and(|a| a.reading().may_undo()) {
             return self.assist(AssistInput::Undo, at.now);
         }
         let kept = self.measures.undo();
@@ -118,7 +124,7 @@ impl FlightController {
 
     fn measure(&mut self, place: DVec3, now: Instant) {
         self.attention = true;
-        self.has_answered = false;
+        self.changed = Changed::Distance;
         self.slices.point(&self.flight, place);
         match self.measures.click(place) {
             Ok(Some(made)) => self.say(made.text(), now),

@@ -4,6 +4,7 @@
 
 pub mod candidates;
 pub mod flight;
+pub mod kinds;
 pub mod measures;
 pub mod open;
 #[cfg(test)]
@@ -19,10 +20,12 @@ use glam::DVec3;
 use super::actions::{Action, Actions};
 use super::assistant::Assistant;
 use super::controller::FlightController;
+use super::kinds::Kinds;
 use super::measures::Measures;
 use super::overlay::HudState;
 use crate::app::FlightApp;
 use crate::components::slices::{Orientation, SliceView};
+use crate::fields::lumen::GasKind;
 use crate::polyps::answers::Answer;
 
 /// The panels of every window.
@@ -34,6 +37,7 @@ pub const BUILT_IN: &[PanelEntry] = &[
     slices::ACROSS,
     measures::PANEL,
     candidates::PANEL,
+    kinds::PANEL,
     open::PANEL,
 ];
 
@@ -126,6 +130,11 @@ impl<'a> Context<'a> {
         self.controller.assistant()
     }
 
+    /// Returns the kinds of gas.
+    pub(super) fn kinds(&self) -> &'a Kinds {
+        self.controller.kinds()
+    }
+
     /// Returns a slice that is shown.
     pub(super) fn slice(&self, orientation: Orientation) -> Option<&'a SliceView> {
         self.controller.slices().view(self.flight, orientation)
@@ -175,6 +184,8 @@ pub enum Request {
     Slice(SliceInput),
     /// A request to the assistant.
     Assist(AssistInput),
+    /// Give a kind to the chosen body of gas, or with `None` take back what was given.
+    Kind(Option<GasKind>),
     /// Perform an action of the window, by its id.
     Action(String),
     /// Open another scan. The number selects a series in a folder that holds several.

@@ -227,6 +227,24 @@ fn candidates_look_as_they_did() {
     hold("candidates-measured", &stage.panel(&mut *(slices::AXIAL.make)()));
 }
 
+#[test]
+fn kinds_of_gas_look_as_they_did() {
+    let mut stage = Stage::new(ImageSize::new(440, 320), 1.0);
+    let place = stage.controller.flight().pose().position;
+    // The flight stays where it is while time stands still.
+    let begun = Instant::now();
+    stage.controller.show_kinds(true, begun);
+    while stage.controller.kinds().next().is_some() {
+        assert!(begun.elapsed() < std::time::Duration::from_secs(120));
+        stage.controller.advance(begun).unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    hold("kinds-legend", &stage.panel(&mut *(kinds::PANEL.make)()));
+    hold("axial-kinds", &stage.panel(&mut *(slices::AXIAL.make)()));
+    stage.click(place);
+    hold("kinds-chosen", &stage.panel(&mut *(kinds::PANEL.make)()));
+}
+
 /// An example of a study: a localizer, supine and prone, and a report.
 fn study() -> Study {
     let series = |number: usize, slices: usize, code: &str, description: &str| Series {

@@ -1,0 +1,111 @@
+//! The kinds of gas in a flight: shown, clicked on, and changed by the reader.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use glam::DVec3;
+
+use super::{Changed, FlightController};
+use crate::app::flight::Onward;
+use crate::components::flight::State;
+use crate::fields::lumen::GasKind;
+use crate::host::window::kinds::{Found, Kinds, name};
+
+impl FlightController {
+    /// Returns the kinds of gas.
+    pub(crate) fn kinds(&self) -> &Kinds {
+        &self.kinds
+    }
+
+    /// Sets the file of the kinds that the reader gives.
+    pub(crate) fn set_kinds_file(&mut self, file: Option<PathBuf>) {
+        self.kinds.keep_in(file);
+    }
+
+    /// Shows or hides the kinds of gas in the slices.
+    pub(crate) fn show_kinds(&mut self, shown: bool, now: Instant) {
+        self.kinds.show(shown, &self.flight, &self.wake, now);
+        self.colour_slices();
+        let told = match (shown, self.kinds.tint()) {
+            (false, _) => "kinds of gas: hidden",
+            (true, None) => "finding the kinds of gas ...",
+            (true, Some(_)) => "kinds of gas: click on a body in a slice to change its kind",
+        };
+        self.say(told, now);
+    }
+
+    fn colour_slices(&mut self) {
+        self.slices.tint(self.kinds.tint());
+        self.quiet = 0;
+        self.attention = true;
+    }
+
+    /// Chooses the body of gas at a place, if kinds are shown.
+    pub(super) fn choose_body(&mut self, place: DVec3, now: Instant) {
+        if !self.kinds.is_shown() {
+            return;
+        }
+        if let Some(told) = self.kinds.choose(place, self.flight.setup().volume.voxels()) {
+            self.say(told, now);
+        }
+        self.colour_slices();
+    }
+
+    /// Gives a kind to the chosen body of gas, or takes back what was given.
+    pub(crate) fn tell_kind(&mut self, kind: Option<GasKind>, now: Instant) {
+        if let Err(why) = self.kinds.may_tell() {
+            return self.say(why, now);
+        }
+        match self.kinds.tell(kind, &self.flight, &self.wake, now) {
+            Ok(false) => self.say("it has that kind already", now),
+            told => {
+                self.changed = Changed::Kind;
+                let what = kind.map_or("as it was judged", name);
+                self.say(format!("{what}: finding the lumen anew ..."), now);
+                self.report_kept(told.map(drop), now);
+            }
+        }
+        self.colour_slices();
+    }
+
+    /// Undoes the last kind that the reader gave.
+    pub(super) fn undo_kind(&mut self, now: Instant) {
+        self.say("kind undone: finding the lumen anew ...", now);
+        let kept = self.kinds.undo(&self.flight, &self.wake, now);
+        self.report_kept(kept, now);
+        self.colour_slices();
+    }
+
+    /// Takes the kinds that were found, and lets the flight go on in its new lumen.
+    pub(super) fn take_kinds(&mut self, now: Instant) {
+        let Some(Found { anew, told, .. }) = self.kinds.take(now) else { return };
+        self.colour_slices();
+        let Some((lumen, fields)) = anew else {
+            return self.say("kinds of gas: click on a body in a slice to change its kind", now);
+        };
+        let arrived = self.flight.flight().state == State::Arrived;
+        let text = match self.flight.tell(lumen, told, fields) {
+            Err(e) => format!("the flight keeps its lumen: {}: {}", e.what, e.why),
+            Ok(onward) => {
+                let segments = self.flight.setup().lumen.segments.len();
+                let all = if segments == 1 { "1 segment".to_owned() } else { format!("{segments} segments") };
+                let n = self.flight.setup().plan.segment.map_or(0, |n| n + 1);
+                match onward {
+                    Onward::Same(_) if arrived => format!("the lumen has {all} now (N flies to the next)"),
+                    Onward::Same(_) => format!("the lumen has {all} now; the flight goes on in its segment"),
+                    Onward::Changed(_) => {
+                        format!("the flown gas has changed: set out anew in segment {n} of {segments}")
+                    }
+                    Onward::Elsewhere(_) => {
+                        format!(
+                            "the flown gas is no colon now: set out in segment {n} of {segments} (Ctrl+Z undoes it)"
+                        )
+                    }
+                    Onward::Nowhere => "no gas is left that may be colon: the flight keeps its lumen".to_owned(),
+                }
+            }
+        };
+        self.say(text, now);
+        self.figures.touch();
+    }
+}

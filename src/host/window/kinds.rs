@@ -1,0 +1,338 @@
+//! The kinds of gas in a window: found when somebody asks for them, shown in colours in the slices, and changed by the reader.
+//!
+//! Nothing is computed or kept before somebody asks. A change finds the lumen anew while the flight goes on.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use glam::DVec3;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+use super::job::Job;
+use super::screenshot_renderer::WakeUp;
+use super::told;
+use crate::app::fields::Fields;
+use crate::app::flight::onward;
+use crate::app::{FlightApp, Setup};
+use crate::error::{Error, Result};
+use crate::fields::cleanse;
+use crate::fields::lumen::{self, GasBody, GasKind, KindMap, Lumen, Told};
+use crate::progress::Progress;
+use crate::render::slice::Tint;
+use crate::volume::Volume;
+
+/// Time between two looks at the progress.
+const LOOKS: Duration = Duration::from_millis(200);
+/// Distance from a body at which a click is meant for it, mm.
+const NEAR_MM: f64 = 3.0;
+/// Maximum number of changes that can be undone.
+const UNDONE: usize = 100;
+/// Opacities of a body, and of the one that is chosen.
+const OPACITY: u8 = 140;
+const CHOSEN: u8 = 220;
+
+/// The kinds that the reader can give, with the ids of the actions for it, and none for what was judged.
+pub(crate) const CHOICES: [(Option<GasKind>, &str, &str); 7] = [
+    (Some(GasKind::Colon), "Colon", "kind-colon"),
+    (Some(GasKind::SmallBowel), "Small bowel", "kind-small-bowel"),
+    (Some(GasKind::Stomach), "Stomach", "kind-stomach"),
+    (Some(GasKind::Lung), "Lung", "kind-lung"),
+    (Some(GasKind::Trachea), "Trachea", "kind-trachea"),
+    (Some(GasKind::Unknown), "Unknown", "kind-unknown"),
+    (None, "As judged", "kind-as-judged"),
+];
+
+/// The kinds of the legend, in its order.
+pub(crate) const LEGEND: [GasKind; 6] =
+    [GasKind::Colon, GasKind::Unknown, GasKind::SmallBowel, GasKind::Stomach, GasKind::Lung, GasKind::Trachea];
+
+/// Returns the colour of a kind; `None` if it is not coloured.
+pub(crate) fn colour(kind: GasKind) -> Option<[u8; 3]> {
+    match kind {
+        GasKind::Colon => Some([60, 220, 90]),
+        GasKind::Unknown => Some([250, 230, 60]),
+        GasKind::SmallBowel => Some([255, 140, 30]),
+        GasKind::Stomach => Some([190, 90, 255]),
+        GasKind::Lung => Some([70, 120, 255]),
+        GasKind::Trachea => Some([60, 225, 235]),
+        GasKind::Outside => None,
+    }
+}
+
+/// Returns the name of a kind in a legend.
+pub(crate) fn name(kind: GasKind) -> &'static str {
+    if kind == GasKind::Unknown { "may be colon" } else { kind.name() }
+}
+
+enum Stage {
+    Idle,
+    /// The work, and its threads: in the common pool pictures would wait for it.
+    Working(Job<Found>, #[expect(dead_code, reason = "it is kept while it works")] ThreadPool),
+    /// It failed, and why.
+    Failed(String),
+}
+
+/// What was found.
+pub(crate) struct Found {
+    map: Arc<KindMap>,
+    /// The lumen that was found anew, and the fields that the flight needs in it.
+    pub(crate) anew: Option<(Arc<Lumen>, Fields)>,
+    /// The kinds that it was found with.
+    pub(crate) told: Vec<Told>,
+}
+
+/// The kinds of gas in a window.
+pub(crate) struct Kinds {
+    is_shown: bool,
+    stage: Stage,
+    map: Option<Arc<KindMap>>,
+    tint: Option<Arc<Tint>>,
+    /// The place of the body that was clicked on, world mm.
+    chosen: Option<DVec3>,
+    told: Vec<Told>,
+    before: Vec<Vec<Told>>,
+    /// The file of what the reader said; `None` if it is not stored.
+    file: Option<PathBuf>,
+    /// When the progress was looked at.
+    looked: Instant,
+}
+
+impl Kinds {
+    /// Creates the kinds of a flight, with what the reader said before.
+    pub(crate) fn new(told: Vec<Told>, now: Instant) -> Self {
+        Self {
+            is_shown: false,
+            stage: Stage::Idle,
+            map: None,
+            tint: None,
+            chosen: None,
+            told,
+            before: Vec::new(),
+            file: None,
+            looked: now,
+        }
+    }
+
+    /// Stores what the reader says in a file.
+    pub(crate) fn keep_in(&mut self, file: Option<PathBuf>) {
+        self.file = file;
+    }
+
+    /// True if they are shown in the slices.
+    pub(crate) fn is_shown(&self) -> bool {
+        self.is_shown
+    }
+
+    /// Shows or hides them. What is needed is found in the background.
+    pub(crate) fn show(&mut self, shown: bool, flight: &FlightApp, wake: &WakeUp, now: Instant) {
+        self.is_shown = shown;
+        if shown && self.map.is_none() && !matches!(self.stage, Stage::Working(..)) {
+            self.begin(flight, wake, now);
+        }
+    }
+
+    /// Finds the kinds, and first the lumen if the reader has said something new.
+    fn begin(&mut self, flight: &FlightApp, wake: &WakeUp, now: Instant) {
+        self.looked = now;
+        // The former work is cancelled.
+        self.stage = Stage::Idle;
+        self.stage = begin(flight, &self.told, wake).unwrap_or_else(|e| Stage::Failed(e.to_string()));
+    }
+
+    /// Takes what was found once it is there.
+    pub(crate) fn take(&mut self, now: Instant) -> Option<Found> {
+        let Stage::Working(job, _) = &mut self.stage else { return None };
+        self.looked = now;
+        let found = job.take()?;
+        self.stage = Stage::Idle;
+        match found {
+            Ok(found) => {
+                self.map = Some(Arc::clone(&found.map));
+                self.colour();
+                Some(found)
+            }
+            Err(e) => {
+                self.stage = Stage::Failed(e.to_string());
+                None
+            }
+        }
+    }
+
+    /// Returns when the progress has to be looked at.
+    pub(crate) fn next(&self) -> Option<Instant> {
+        matches!(self.stage, Stage::Working(..)).then_some(self.looked + LOOKS)
+    }
+
+    /// Returns what is being done, or why it failed; `None` if nothing is.
+    pub(crate) fn state(&self) -> Option<std::result::Result<String, &str>> {
+        match &self.stage {
+            Stage::Idle => None,
+            Stage::Working(job, _) => Some(Ok(job.progress().snapshot().0)),
+            Stage::Failed(why) => Some(Err(why)),
+        }
+    }
+
+    /// Returns the colours, if they are shown and known.
+    pub(crate) fn tint(&self) -> Option<Arc<Tint>> {
+        self.tint.clone().filter(|_| self.is_shown)
+    }
+
+    /// Makes the colours anew.
+    fn colour(&mut self) {
+        self.tint = self.map.clone().map(|map| {
+            let chosen = self.chosen_body().map(|b| b.0);
+            let colour = |(n, body): (usize, &GasBody)| {
+                let [r, g, b] = colour(body.kind).unwrap_or_default();
+                let opacity = if chosen == Some(n) { CHOSEN } else { OPACITY };
+                [r, g, b, if body.kind == GasKind::Outside { 0 } else { opacity }]
+            };
+            let colours = map.bodies().iter().enumerate().map(colour).collect();
+            Arc::new(Tint { map, colours })
+        });
+    }
+
+    /// Returns the volume of each kind, ml, in the order of [`GasKind::ALL`]; `None` before they are known.
+    pub(crate) fn volumes(&self) -> Option<[f64; 7]> {
+        let mut ml = [0.0; 7];
+        self.map.as_ref()?.bodies().iter().for_each(|b| ml[b.kind.number()] += b.ml);
+        Some(ml)
+    }
+
+    /// Chooses the body at a place (world, mm) of its scan. Returns what to say of it; `None` if there is none.
+    pub(crate) fn choose(&mut self, place: DVec3, scan: &Volume) -> Option<String> {
+        let map = self.map.as_ref().filter(|_| self.is_shown)?;
+        let found = map.nearest(place, NEAR_MM).filter(|(n, _)| map.bodies()[*n].kind != GasKind::Outside);
+        // A lumen is found anew by its gas, not by its fluid.
+        let is_gas = |at: DVec3| lumen::GAS_HU >= nearest_hu(scan, at);
+        self.chosen = found.map(|(n, at)| if is_gas(at) { at } else { map.bodies()[n].place });
+        self.colour();
+        self.chosen_body().map(|(_, body)| line(&body))
+    }
+
+    /// Returns the number of the chosen body, and the body.
+    pub(crate) fn chosen_body(&self) -> Option<(usize, GasBody)> {
+        let (map, at) = (self.map.as_ref()?, self.chosen?);
+        let n = map.body_at(at)?;
+        Some((n, map.bodies()[n]))
+    }
+
+    /// Checks whether a body is chosen. The error states why not.
+    pub(crate) fn may_tell(&self) -> std::result::Result<(), &'static str> {
+        match (self.is_shown, self.chosen_body()) {
+            (true, Some(_)) => Ok(()),
+            (true, None) => Err("no body of gas is chosen (click on one)"),
+            (false, _) => Err("the kinds of gas are not shown"),
+        }
+    }
+
+    /// Gives a kind to the chosen body, or takes back what was given. Returns false if nothing changes.
+    ///
+    /// # Errors
+    /// Returns status 5 if it cannot be stored. The change is made nevertheless.
+    pub(crate) fn tell(&mut self, kind: Option<GasKind>, at: &FlightApp, wake: &WakeUp, now: Instant) -> Result<bool> {
+        let (Some(map), Some(place), Some((chosen, _))) = (self.map.clone(), self.chosen, self.chosen_body()) else {
+            return Ok(false);
+        };
+        let mut told = self.told.clone();
+        told.retain(|t| map.nearest(t.0, NEAR_MM).is_none_or(|(n, _)| n != chosen));
+        told.extend(kind.map(|kind| (place, kind)));
+        told.drain(..told.len().saturating_sub(told::MOST));
+        if told == self.told {
+            return Ok(false);
+        }
+        self.before.push(std::mem::replace(&mut self.told, told));
+        self.before.drain(..self.before.len().saturating_sub(UNDONE));
+        self.begin(at, wake, now);
+        self.keep().map(|()| true)
+    }
+
+    /// True if a change can be undone.
+    pub(crate) fn may_undo(&self) -> bool {
+        !self.before.is_empty()
+    }
+
+    /// Undoes the last change.
+    ///
+    /// # Errors
+    /// Returns status 5 if it cannot be stored. The change is undone nevertheless.
+    pub(crate) fn undo(&mut self, flight: &FlightApp, wake: &WakeUp, now: Instant) -> Result<()> {
+        let Some(before) = self.before.pop() else { return Ok(()) };
+        self.told = before;
+        self.begin(flight, wake, now);
+        self.keep()
+    }
+
+    fn keep(&self) -> Result<()> {
+        self.file.as_deref().map_or(Ok(()), |file| told::keep(file, &self.told))
+    }
+}
+
+/// Returns the value of the voxel at a place (world, mm).
+fn nearest_hu(scan: &Volume, at: DVec3) -> i16 {
+    let [i, j, k] = scan.grid().voxel(at).round().to_array().map(|v| v as i64);
+    scan.get(i, j, k)
+}
+
+/// Describes a body in a line.
+pub(crate) fn line(body: &GasBody) -> String {
+    format!("{}, {:.0} ml: {}", name(body.kind), body.ml, body.why)
+}
+
+/// Begins the work on threads of its own.
+///
+/// # Errors
+/// Returns status 1 if the system cannot start threads.
+fn begin(flight: &FlightApp, told: &[Told], wake: &WakeUp) -> Result<Stage> {
+    let pool = ThreadPoolBuilder::new().num_threads(rayon::current_num_threads()).thread_name(|n| format!("kinds {n}"));
+    let pool = pool.build().map_err(|e| Error::fault("threads", e.to_string(), "use fewer --threads").caused_by(e))?;
+    let Setup { volume, lumen, scene, plan, cleansed, .. } = flight.setup();
+    // What the flight needs to be planned anew, without its fields: those are of the former lumen.
+    let setup = Setup {
+        volume: volume.clone(),
+        lumen: Arc::clone(lumen),
+        plan: plan.clone(),
+        scene: scene.clone(),
+        fields: Fields::default(),
+        cleansed: cleansed.clone(),
+        told: told.to_vec(),
+    };
+    let (is_new, position) = (flight.setup().told != told, flight.pose().position);
+    let work = move |progress: &Arc<Progress>| find(setup, is_new, position, progress);
+    let wake = Arc::clone(wake);
+    let job = Job::start_in(&pool, "kinds", &Arc::new(Progress::new()), work, move || wake());
+    Ok(Stage::Working(job, pool))
+}
+
+/// Finds the kinds of gas, first the lumen if what was told is new, and the fields for the flight in it.
+fn find(mut setup: Setup, is_new: bool, position: DVec3, progress: &Progress) -> Result<Found> {
+    let volume = setup.volume.shared_voxels();
+    let mut lumen = Arc::clone(&setup.lumen);
+    if is_new {
+        let mut found = lumen::find_told(&volume, &setup.told, progress)?;
+        if setup.cleansed.is_some() {
+            cleanse::keep_ends(&mut found, &setup.lumen);
+        }
+        lumen = Arc::new(found);
+    }
+    let map = lumen::not_colon(&volume, &lumen, progress)?.map(&lumen, &setup.told)?;
+    let told = std::mem::take(&mut setup.told);
+    let anew = if is_new {
+        // A lumen that cannot be flown is reported when the flight is to go on in it.
+        if let Some(plan) = onward(&setup, &lumen, position).ok().and_then(|o| o.plan().cloned()) {
+            setup.plan = plan;
+            setup.lumen = Arc::clone(&lumen);
+            if setup.build_fields(progress).is_err() {
+                progress.check()?;
+                setup.fields = Fields::default();
+            }
+        }
+        Some((lumen, setup.fields))
+    } else {
+        None
+    };
+    Ok(Found { map: Arc::new(map), anew, told })
+}
+
+#[cfg(test)]
+mod tests;

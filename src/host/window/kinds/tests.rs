@@ -1,0 +1,160 @@
+use std::path::Path;
+use std::thread;
+
+use super::*;
+use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scan, Scene};
+use crate::components::slices::{Orientation, SliceView};
+use crate::host::window::controller::FlightController;
+use crate::host::window::controller::tests::{cockpit_of, perform};
+use crate::host::window::panels::SliceInput;
+use crate::phantom::{Phantom, PhantomSettings};
+use crate::render::{ImageSize, Settings};
+
+/// A scan with other gas beside the colon, which is collapsed in places.
+fn scan() -> Scan {
+    let phantom = Phantom::new(&PhantomSettings {
+        ileum: true,
+        stomach: true,
+        lungs: true,
+        collapsed: true,
+        noise: true,
+        ..PhantomSettings::embedded(1)
+    });
+    let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+    Scan::of(volume, &OpenOptions::default()).unwrap()
+}
+
+fn flown(scan: &mut Scan) -> FlightController {
+    let settings = Settings { adaptive: false, ..Settings::default() };
+    let image = ImageSettings { width: 32, height: 24, settings, ..ImageSettings::default() };
+    let scene = Scene { picture: true, image, operator: true, ..Scene::guided_by("manual") };
+    cockpit_of(scan.flight(scene, &FlightRequest::default()).unwrap(), 0.0, Vec::new())
+}
+
+fn until_found(c: &mut FlightController, now: Instant) {
+    let begun = Instant::now();
+    while c.kinds().next().is_some() {
+        assert!(begun.elapsed() < Duration::from_secs(120));
+        c.advance(now).unwrap();
+        thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// Draws the axial slice through a place, and returns its pixel there.
+fn pixel(c: &mut FlightController, place: DVec3, now: Instant) -> [u8; 3] {
+    c.slice(SliceInput::Point(place), now);
+    let due = c.prepare(ImageSize::new(32, 24), &[(Orientation::Axial, [200, 160])], now).unwrap();
+    c.show(due).unwrap();
+    let entity = c.slices().entity(Orientation::Axial).unwrap();
+    let view = c.flight().app().world.get::<SliceView>(entity).unwrap();
+    let [x, y] = view.shown().unwrap().pixel(place).0.map(|p| p as usize);
+    view.frame.pixels()[y * 200 + x]
+}
+
+/// Returns a place in the largest body of gas in the abdomen that is no colon, and its kind.
+fn no_colon(c: &FlightController) -> (DVec3, GasKind) {
+    let map = c.kinds().map.clone().unwrap();
+    let other = |b: &&GasBody| matches!(b.kind, GasKind::SmallBowel | GasKind::Stomach);
+    let body = map.bodies().iter().filter(other).max_by(|a, b| a.ml.total_cmp(&b.ml)).expect("there is other gas");
+    (body.place, body.kind)
+}
+
+fn is_like([r, g, b]: [u8; 3], kind: GasKind) -> bool {
+    // Gas is black: what is seen is the colour at its opacity.
+    let of = |opacity: u8| colour(kind).unwrap().map(|c| (u32::from(c) * u32::from(opacity) / 255) as i32);
+    let near = |to: [i32; 3]| to.iter().zip([r, g, b]).all(|(a, b)| (a - i32::from(b)).abs() < 30);
+    near(of(OPACITY)) || near(of(CHOSEN))
+}
+
+#[test]
+fn gas_has_the_colour_of_its_kind_and_the_reader_changes_it() {
+    let (mut scan, now, dir) = (scan(), Instant::now(), tempfile::tempdir().unwrap());
+    let file = dir.path().join("kinds.json");
+    let mut c = flown(&mut scan);
+    c.set_kinds_file(Some(file.clone()));
+    let colon = c.flight().pose().position;
+    // Nothing is found and coloured before somebody asks.
+    c.advance(now).unwrap();
+    assert!(c.kinds().map.is_none() && c.kinds().next().is_none() && c.kinds().tint().is_none());
+    let [r, g, b] = pixel(&mut c, colon, now);
+    assert!(r == g && g == b && r < 40);
+    perform(&mut c, "kind-colon", now);
+    assert!(c.hud(now).message.unwrap().contains("not shown"));
+    c.show_kinds(true, now);
+    until_found(&mut c, now);
+    assert!(is_like(pixel(&mut c, colon, now), GasKind::Colon));
+    let (place, kind) = no_colon(&c);
+    assert!(is_like(pixel(&mut c, place, now), kind));
+    let before = c.kinds().volumes().unwrap();
+    // A click tells why, and a key changes it.
+    perform(&mut c, "kind-colon", now);
+    assert!(c.hud(now).message.unwrap().contains("click on one"));
+    c.slice(SliceInput::Click(place), now);
+    assert!(c.hud(now).message.unwrap().starts_with(&format!("{}, ", kind.name())));
+    let segments = c.flight().setup().lumen.segments.len();
+    let pose = c.flight().pose();
+    perform(&mut c, "kind-colon", now);
+    assert_eq!(told::read(&file).unwrap().len(), 1);
+    until_found(&mut c, now);
+    assert_eq!(c.flight().pose(), pose, "the flight goes on");
+    assert!(is_like(pixel(&mut c, place, now), GasKind::Colon));
+    assert!(c.kinds().chosen_body().unwrap().1.is_told);
+    assert!(c.flight().setup().lumen.segment_at(place).is_some());
+    let after = c.kinds().volumes().unwrap();
+    assert!(after[0] > before[0] && after[kind.number()] < before[kind.number()]);
+    // Opened again, the scan has that kind from the first.
+    scan.tell(told::read(&file).unwrap());
+    let again = flown(&mut scan);
+    assert_eq!(again.flight().setup().told, c.flight().setup().told);
+    assert!(again.flight().setup().lumen.segment_at(place).is_some());
+    // It is undone like any other change.
+    perform(&mut c, "undo", now);
+    until_found(&mut c, now);
+    assert!(is_like(pixel(&mut c, place, now), kind));
+    assert_eq!(c.flight().setup().lumen.segments.len(), segments);
+    assert!(told::read(&file).unwrap().is_empty() && c.flight().setup().told.is_empty());
+    // Hidden, the slices are grey.
+    c.show_kinds(false, now);
+    let [r, g, b] = pixel(&mut c, place, now);
+    assert!(r == g && g == b);
+}
+
+#[test]
+fn gas_that_was_flown_and_is_no_colon_is_left() {
+    let (mut scan, now) = (scan(), Instant::now());
+    let mut c = flown(&mut scan);
+    c.show_kinds(true, now);
+    until_found(&mut c, now);
+    let place = c.flight().pose().position;
+    c.slice(SliceInput::Click(place), now);
+    perform(&mut c, "kind-stomach", now);
+    until_found(&mut c, now);
+    let said = c.hud(now).message.unwrap();
+    assert!(said.contains("no colon now"), "{said}");
+    let setup = c.flight().setup();
+    assert!(setup.plan.segment.is_some() && setup.lumen.segment_at(place) != setup.plan.segment);
+    assert!(c.flight().pose().position.distance(place) > 5.0, "the flight is elsewhere");
+    let body = c.kinds().chosen_body().unwrap().1;
+    assert_eq!((body.kind, body.why), (GasKind::Stomach, "the reader said so"));
+    // What is told twice, or of nothing, changes nothing.
+    perform(&mut c, "kind-stomach", now);
+    assert!(c.kinds().next().is_none());
+    perform(&mut c, "kind-as-judged", now);
+    until_found(&mut c, now);
+    assert!(c.flight().setup().told.is_empty() && !c.flight().setup().lumen.segments.is_empty());
+}
+
+#[test]
+fn what_cannot_be_stored_is_told_all_the_same() {
+    let (mut scan, now) = (scan(), Instant::now());
+    let mut c = flown(&mut scan);
+    c.set_kinds_file(Some(Path::new("/dev/null/kinds.json").to_owned()));
+    c.show_kinds(true, now);
+    until_found(&mut c, now);
+    let (place, _) = no_colon(&c);
+    c.slice(SliceInput::Click(place), now);
+    perform(&mut c, "kind-lung", now);
+    assert!(c.hud(now).message.unwrap().starts_with("not saved: "));
+    until_found(&mut c, now);
+    assert_eq!(c.kinds().chosen_body().unwrap().1.kind, GasKind::Lung);
+}
