@@ -11,7 +11,7 @@ use crate::cli::args::{CenterlineArgs, Global, Point};
 use crate::cli::prepare::{self, say};
 use crate::error::{Error, Result};
 use crate::fields::centerline::{self, Centerline, End};
-use crate::fields::lumen::{self, Lumen};
+use crate::fields::lumen::{self, Lumen, Part};
 use crate::fields::{Through, WallDistance};
 use crate::output;
 use crate::progress::Progress;
@@ -55,10 +55,10 @@ pub(crate) fn run(args: &CenterlineArgs, global: &Global, progress: &Progress) -
     let read = if is_mask { prepare::load_mask } else { prepare::load };
     let volume = read(input, global, &mut timings, progress)?;
     check_thick(&volume)?;
-    let line = if is_mask {
+    let (line, names) = if is_mask {
         let walls = timings.time("distance_s", || WallDistance::of_mask(&volume, progress))?;
         drop(volume);
-        timings.time("centerline_s", || through_mask(&walls, args, progress))?
+        (timings.time("centerline_s", || through_mask(&walls, args, progress))?, Vec::new())
     } else {
         through_scan(&volume, args, &mut timings, progress)?
     };
@@ -73,6 +73,7 @@ pub(crate) fn run(args: &CenterlineArgs, global: &Global, progress: &Progress) -
             ("length_mm", json!(line.length_mm)),
             ("points", json!(line.points.len())),
             ("guessed_mm", json!(line.guessed)),
+            ("names", json!(names)),
         ] {
             stats.insert(name.to_owned(), value);
         }
@@ -96,7 +97,7 @@ fn through_scan(
     args: &CenterlineArgs,
     timings: &mut Timings,
     progress: &Progress,
-) -> Result<Centerline> {
+) -> Result<(Centerline, Vec<Part>)> {
     let mut lumen = prepare::lumen(volume, timings, progress)?;
     if let Some(Point::World(p)) = args.from.or(args.to) {
         // A point chooses the gas it lies in, also where that is none of the colon found.
@@ -115,7 +116,9 @@ fn through_scan(
         timings.time("distance_s", || WallDistance::of_lumen(volume, &lumen, Through::GasAndFluid, progress))?;
     let asked = args.from.is_some() || args.to.is_some();
     let ends = if asked { outermost(&lumen, 0..lumen.segments.len()) } else { joined(&lumen) };
-    timings.time("centerline_s", || plan(&walls, args, ends, &centerline::gaps(&lumen), progress))
+    let line = timings.time("centerline_s", || plan(&walls, args, ends, &centerline::gaps(&lumen), progress))?;
+    let names = lumen.names().on(&line.points);
+    Ok((line, names))
 }
 
 /// The rectal end of the first and the cecal end of the last of the segments.

@@ -183,7 +183,11 @@ pub(crate) fn load_or_phantom(input: Option<&Path>, global: &Global, progress: &
 /// Returns status 4 for a volume of one voxel or one slice, or if interrupted.
 pub(crate) fn lumen(volume: &Volume, timings: &mut Timings, progress: &Progress) -> Result<Lumen> {
     check_thick(volume)?;
-    timings.time("lumen_s", || lumen::find(volume, progress))
+    let found = timings.time("lumen_s", || lumen::find(volume, progress))?;
+    if let Some(conflict) = found.lying.and_then(|l| l.conflict()) {
+        say(&conflict);
+    }
+    Ok(found)
 }
 
 /// The colon in a scan; with a point (world, mm) the gas there, whatever it looks like.

@@ -110,6 +110,7 @@ pub(crate) fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> R
         }
         let pieces = others.as_ref().map_or(&lumen.others, |o| &o.pieces);
         stats.insert("not_colon".to_owned(), json!(not_colon(pieces)));
+        stats.insert("names".to_owned(), json!(lumen.names().parts));
         if let Some(lying) = lumen.lying {
             stats.insert("position".to_owned(), json!(lying));
         }

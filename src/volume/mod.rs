@@ -3,8 +3,10 @@
 pub(crate) mod cell;
 mod grid;
 pub mod io;
+mod position;
 
 pub use grid::Grid;
+pub use position::PatientPosition;
 
 /// Value of everything outside the volume or the scanner's field of view, HU.
 pub const AIR_HU: i16 = -1024;
@@ -24,6 +26,7 @@ pub const AIR_HU: i16 = -1024;
 pub struct Volume {
     grid: Grid,
     data: Vec<i16>,
+    header_position: Option<PatientPosition>,
 }
 
 impl Volume {
@@ -33,7 +36,18 @@ impl Volume {
     /// Panics if the number of values does not match the grid. Readers check that beforehand.
     pub fn new(grid: Grid, data: Vec<i16>) -> Self {
         assert_eq!(grid.len(), data.len(), "a volume's values must match its grid");
-        Self { grid, data }
+        Self { grid, data, header_position: None }
+    }
+
+    /// Returns the same volume with the patient's position that its header names.
+    #[must_use]
+    pub fn with_header_position(self, header_position: Option<PatientPosition>) -> Self {
+        Self { header_position, ..self }
+    }
+
+    /// Returns the patient's position that the scan's header names, if it does.
+    pub fn header_position(&self) -> Option<PatientPosition> {
+        self.header_position
     }
 
     /// Returns the grid.
@@ -69,7 +83,7 @@ impl Volume {
         }
         self.data.truncate(to);
         self.data.shrink_to_fit();
-        Self { grid: part, data: self.data }
+        Self { grid: part, ..self }
     }
 
     /// Returns the size of the values in memory, bytes.

@@ -400,6 +400,13 @@ fn stats(
         .map(|(n, ml)| json!({ "ml": ml, "ends_mm": flight.setup().lumen.segments[n].ends }))
         .collect();
     m.insert("unflown".to_owned(), json!(unflown));
+    let setup = flight.setup();
+    if let Some(lying) = setup.lumen.lying {
+        m.insert("position".to_owned(), json!(lying));
+    }
+    if let Some(route) = setup.fields.route() {
+        m.insert("names".to_owned(), json!(setup.lumen.names().on(route.points())));
+    }
     if let Some(fov) = fov_degrees {
         let seen = flight.survey().coverage(fov)?;
         m.insert("coverage".to_owned(), json!(seen.map(|c| c.one_way)));

@@ -43,7 +43,7 @@ pub use kinds::{Chain, Features, GasKind, Judged, Landmarks, RULES, Rule};
 pub use map::{GasBody, KindMap};
 pub use names::{NAMES, Names, Part};
 pub use others::{Other, Others, not_colon};
-pub use position::{Lying, PatientPosition};
+pub use position::Lying;
 pub use residue::{Remnant, Residue, residue};
 pub use surface::WallPlace;
 
@@ -290,7 +290,7 @@ impl Bodies {
             })
             .collect();
         let [gas, fluid] = [self.gas, self.fluid].map(|rows| rows.select(|label| Some(place[label as usize])));
-        let lying = position::lying(frame, self.down, landmarks.as_ref());
+        let lying = position::lying(frame, self.down, landmarks.as_ref(), volume.header_position());
         let ordered = order.trusted && landmarks.as_ref().is_none_or(|l| !l.is_chest());
         Lumen { segments, ordered, landmarks, lying, ..Lumen::of_rows(volume.grid(), gas, fluid) }
     }

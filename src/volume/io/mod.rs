@@ -28,7 +28,7 @@ use serde_json::{Map, Value, json};
 
 use crate::error::{Error, Result};
 use crate::progress::Progress;
-use crate::volume::{Grid, Volume};
+use crate::volume::{Grid, PatientPosition, Volume};
 
 /// Options for reading an input.
 #[derive(Clone, Debug, Default)]
@@ -127,7 +127,8 @@ fn read(
     // Values of other modalities are not HU, so none of them means padding.
     let volume =
         if facts.get("modality").is_some_and(|m| m != "CT") { volume } else { padding::to_air(volume, &mut notes) };
-    Ok((Loaded { volume, notes }, facts))
+    let position = facts.get("patient_position").and_then(Value::as_str).and_then(PatientPosition::of_header);
+    Ok((Loaded { volume: volume.with_header_position(position), notes }, facts))
 }
 
 fn detect(path: &Path, progress: &Progress) -> Result<Format> {

@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use crate::volume::PatientPosition;
+
 /// One series of a folder.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Series {
@@ -35,21 +37,10 @@ pub struct Series {
     pub pair: Vec<usize>,
 }
 
-/// Returns the patient's position in words for a code of Patient Position (0018,5100).
-pub fn position_name(code: &str) -> Option<&'static str> {
-    match code {
-        "HFS" | "FFS" => Some("supine"),
-        "HFP" | "FFP" => Some("prone"),
-        "HFDR" | "FFDR" => Some("right decubitus"),
-        "HFDL" | "FFDL" => Some("left decubitus"),
-        _ => None,
-    }
-}
-
 impl Series {
     /// Returns the patient's position in words: supine, prone, right decubitus or left decubitus.
     pub fn position(&self) -> Option<&'static str> {
-        self.patient_position.as_deref().and_then(position_name)
+        self.patient_position.as_deref().and_then(PatientPosition::of_header).map(PatientPosition::name)
     }
 
     /// Returns the spacing in words, mm, such as `0.70×0.70×1.00 mm`.
@@ -191,7 +182,8 @@ mod tests {
 
     #[test]
     fn every_code_of_a_position_has_a_name() {
-        let names = ["HFS", "FFS", "HFP", "FFP", "HFDR", "FFDR", "HFDL", "FFDL", "LFP", ""].map(position_name);
+        let names = ["HFS", "FFS", "HFP", "FFP", "HFDR", "FFDR", "HFDL", "FFDL", "LFP", ""]
+            .map(|code| PatientPosition::of_header(code).map(PatientPosition::name));
         let [right, left] = [Some("right decubitus"), Some("left decubitus")];
         let [supine, prone] = [Some("supine"), Some("prone")];
         assert_eq!(names, [supine, supine, prone, prone, right, right, left, left, None, None]);

@@ -5,9 +5,8 @@ use rayon::prelude::*;
 
 use crate::fields::lumen::TISSUE_HU;
 use crate::fields::lumen::frame::Frame;
-use crate::fields::lumen::position::PatientPosition;
 use crate::fields::lumen::runs::Sets;
-use crate::volume::Volume;
+use crate::volume::{PatientPosition, Volume};
 
 /// Minimum side of a cell, mm.
 const CELL_MM: f64 = 5.0;
