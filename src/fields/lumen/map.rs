@@ -1,5 +1,7 @@
 //! The body of gas that a voxel belongs to, for painting and pointing.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use super::kinds::GasKind;
@@ -8,6 +10,14 @@ use super::runs::{Rows, Run, Sets, touching};
 use super::{Lumen, SNAP_MM, Told, ends};
 use crate::error::Result;
 use crate::volume::Grid;
+
+/// Binary places of fixed-point voxel coordinates.
+const SHIFT: u32 = 32;
+const ONE: i64 = 1 << SHIFT;
+/// Largest coordinate that a fixed-point number holds with room for a line from there, voxels.
+const FARTHEST: f64 = 1e8;
+/// A voxel beyond all those.
+const OUTSIDE: i64 = 1 << 30;
 
 /// A body of gas.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -164,37 +174,36 @@ impl KindMap {
         ends::nearest(&self.grid, &self.rows, world, within_mm, |_| true).map(|(n, p)| (n as usize, p))
     }
 
-    /// Calls `each` with the number of every place on a line that is in a body, and the body: `count` places from `start` on (world,
-    /// mm), `step` mm apart.
-    pub fn along(&self, start: DVec3, step: DVec3, count: usize, mut each: impl FnMut(usize, usize)) {
-        let (at, by) = (self.grid.voxel(start), self.grid.to_voxel().transform_vector3(step));
+    /// Calls `each` with the numbers of the places on a line that are in a body, and the body, part by part: `count` places from `start`
+    /// on (world, mm), `step` mm apart.
+    pub fn along(&self, start: DVec3, step: DVec3, count: usize, mut each: impl FnMut(Range<usize>, usize)) {
+        // Fixed-point numbers: rounding floats would take most of the time.
+        let fixed = |v: DVec3| v.to_array().map(|x| (x.clamp(-FARTHEST, FARTHEST) * ONE as f64) as i64);
+        let from = fixed(self.grid.voxel(start)).map(|x| x + ONE / 2);
+        let by = fixed(self.grid.to_voxel().transform_vector3(step));
         let [_, ny, nz] = self.rows.dims();
-        // The row, and the part of it around the last place with its body.
-        let (mut row, mut row_at): (&[Run], _) = (&[], None);
-        let (mut part, mut body) = (0..0, None);
-        for n in 0..count {
-            let [i, j, k] = ends::to_index(at + by * n as f64);
-            if row_at != Some((j, k)) {
-                let is_within = (j as u64) < ny as u64 && (k as u64) < nz as u64;
-                row = if is_within { self.rows.row(j as usize, k as usize) } else { &[] };
-                (row_at, part) = (Some((j, k)), 0..0);
-            }
-            if !part.contains(&i) {
-                let next = row.partition_point(|r| i64::from(r.end) <= i);
-                (part, body) = match row.get(next) {
-                    Some(r) if i64::from(r.start) <= i => {
-                        (i64::from(r.start)..i64::from(r.end), Some(r.label as usize))
-                    }
-                    after => {
-                        let before = next.checked_sub(1).and_then(|n| row.get(n));
-                        let from = before.map_or(i64::MIN, |r| i64::from(r.end));
-                        (from..after.map_or(i64::MAX, |r| i64::from(r.start)), None)
-                    }
-                };
-            }
+        let mut n = 0;
+        while n < count {
+            let at: [i64; 3] = std::array::from_fn(|a| from[a].wrapping_add(by[a].wrapping_mul(n as i64)));
+            let [i, j, k] = at.map(|x| x >> SHIFT);
+            let is_within = (j as u64) < ny as u64 && (k as u64) < nz as u64;
+            let row = if is_within { self.rows.row(j as usize, k as usize) } else { &[] };
+            let next = row.partition_point(|r| i64::from(r.end) <= i);
+            let (part, body) = match row.get(next) {
+                Some(r) if i64::from(r.start) <= i => ([r.start, r.end].map(i64::from), Some(r.label as usize)),
+                after => {
+                    let before = next.checked_sub(1).and_then(|n| row.get(n));
+                    let from = before.map_or(-OUTSIDE, |r| i64::from(r.end));
+                    ([from, after.map_or(OUTSIDE, |r| i64::from(r.start))], None)
+                }
+            };
+            // The line leaves this part of the row along one of the axes.
+            let parts = [part, [j, j + 1], [k, k + 1]];
+            let stays = (0..3).map(|a| places_within(at[a], by[a], parts[a])).fold(count - n, usize::min).max(1);
             if let Some(body) = body {
-                each(n, body);
+                each(n..n + stays, body);
             }
+            n += stays;
         }
     }
 
@@ -202,6 +211,16 @@ impl KindMap {
     pub fn bytes(&self) -> usize {
         self.rows.bytes() + self.bodies.capacity() * size_of::<GasBody>()
     }
+}
+
+/// Returns how many places from `at` on, `by` apart, are within these voxels; all three are fixed-point numbers or voxels.
+fn places_within(at: i64, by: i64, [low, high]: [i64; 2]) -> usize {
+    let room = match by {
+        0 => return usize::MAX,
+        1.. => (high << SHIFT) - at - 1,
+        _ => at - (low << SHIFT),
+    };
+    (room / by.abs()) as usize + 1
 }
 
 /// Returns a row; no run of rows without voxels.
@@ -282,7 +301,7 @@ mod tests {
             for aside in -8..8 {
                 let start = middle + (step.any_orthonormal_vector() * 6.0) * f64::from(aside) - step * 150.0;
                 let mut along = vec![None; 300];
-                map.along(start, step, 300, |n, body| along[n] = Some(body));
+                map.along(start, step, 300, |part, body| along[part].fill(Some(body)));
                 for (n, body) in along.into_iter().enumerate() {
                     let at = start + step * n as f64;
                     assert_eq!(body, map.body_at(at));

@@ -31,9 +31,9 @@ impl Tint {
         frame.buffers().0.par_chunks_mut(width * ROWS).enumerate().for_each(|(task, rows)| {
             for (n, row) in rows.chunks_exact_mut(width).enumerate() {
                 let start = slice.world([0.5, (task * ROWS + n) as f64 + 0.5]);
-                self.map.along(start, step, width, |x, body| {
-                    if let Some(colour) = self.colours.get(body) {
-                        row[x] = over(row[x], *colour);
+                self.map.along(start, step, width, |part, body| {
+                    if let Some(colour) = self.colours.get(body).filter(|c| c[3] > 0) {
+                        row[part].iter_mut().for_each(|pixel| *pixel = over(*pixel, *colour));
                     }
                 });
             }
