@@ -204,6 +204,7 @@ impl Scan {
         check_thick(self.volume.voxels())?;
         let find = || lumen::find_told(self.volume.voxels(), &self.told, &self.progress);
         let mut found = self.timings.time("lumen_s", find)?;
+        self.notes.extend(found.lying.and_then(|l| l.conflict()));
         if let Some(former) = &self.former {
             cleanse::keep_ends(&mut found, former);
         }

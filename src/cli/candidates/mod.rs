@@ -15,7 +15,7 @@ use crate::cli::Program;
 use crate::cli::args::{CandidatesArgs, Global};
 use crate::cli::prepare;
 use crate::error::Result;
-use crate::fields::lumen::Along;
+use crate::fields::lumen::{Along, Names};
 use crate::output;
 use crate::polyps::{self, Candidate, Colon, FEATURES, Wall, detectors};
 use crate::progress::Progress;
@@ -31,11 +31,13 @@ struct Entry {
     volume_mm3: Option<f64>,
     along_mm: Option<f64>,
     segment: Option<usize>,
+    /// Part of the colon.
+    part: Option<&'static str>,
     features: BTreeMap<&'static str, f64>,
 }
 
 impl Entry {
-    fn new(rank: usize, candidate: &Candidate, along: &Along) -> Self {
+    fn new(rank: usize, candidate: &Candidate, along: &Along, names: &Names) -> Self {
         let lesion = candidate.lesion.as_ref();
         let place = along.of(candidate.position);
         Self {
@@ -47,6 +49,7 @@ impl Entry {
             volume_mm3: lesion.map(|l| l.volume_mm3),
             along_mm: place.map(|p| p.1),
             segment: place.map(|p| p.0),
+            part: names.at(candidate.position).map(|p| p.name),
             features: lesion.map_or_else(BTreeMap::new, |l| FEATURES.into_iter().zip(l.features).collect()),
         }
     }
@@ -70,6 +73,7 @@ pub(crate) fn run(program: &Program, args: &CandidatesArgs, global: &Global, pro
     let global = Global { cleanse: false, ..global.clone() };
     let mut volume = prepare::load(&args.input, &global, &mut timings, progress)?;
     let (lumen, _) = prepare::cleansed_lumen(&mut volume, args.from.map(|p| p.0), &mut timings, progress)?;
+    let names = lumen.names();
     let along = timings.time("along_s", || Along::new(&lumen, progress))?;
     let beyond = if args.gallery.is_some() { PICTURE_MM } else { WALL_MM };
     let (volume, lumen) = prepare::around(volume, lumen, beyond);
@@ -77,7 +81,7 @@ pub(crate) fn run(program: &Program, args: &CandidatesArgs, global: &Global, pro
     let colon = Colon { volume: &volume, lumen: &lumen, wall: &wall };
     let mut found = timings.time("candidates_s", || polyps::find(&detector, &colon, progress))?;
     found.truncate(args.max.unwrap_or(usize::MAX));
-    let entries: Vec<Entry> = found.iter().enumerate().map(|(n, c)| Entry::new(n + 1, c, &along)).collect();
+    let entries: Vec<Entry> = found.iter().enumerate().map(|(n, c)| Entry::new(n + 1, c, &along, &names)).collect();
     output::write_json(&args.out, &json!({ "candidates": entries }))?;
     if let Some(folder) = &args.gallery {
         let name = args.input.file_name().map_or_else(|| "scan".to_owned(), |n| n.to_string_lossy().into_owned());

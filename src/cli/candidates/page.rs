@@ -119,7 +119,8 @@ impl Card<'_> {
         facts.extend(measures.into_iter().filter_map(|(name, v, unit)| v.map(|v| format!("{name} {v:.1} {unit}"))));
         facts.extend(self.entry.along_mm.zip(self.entry.segment).map(|(mm, segment)| {
             let from = if is_ordered { "from the rectum" } else { "from its end nearer to the rectum" };
-            format!("segment {segment}, {mm:.0} mm {from}")
+            let part = self.entry.part.map_or_else(String::new, |p| format!("{p}, "));
+            format!("{part}segment {segment}, {mm:.0} mm {from}")
         }));
         let facts: Vec<String> = facts.iter().map(|f| format!("<li>{}</li>", escape(f))).collect();
         let pictures: String = self.pictures.iter().map(|p| p.html(*rank, self.lesion.is_some())).collect();
@@ -291,6 +292,7 @@ mod tests {
             volume_mm3: None,
             along_mm: Some(12.0),
             segment: Some(1),
+            part: Some("sigmoid"),
             features: std::collections::BTreeMap::new(),
         };
         let all = [1, 2, 3].map(entry);
@@ -302,7 +304,9 @@ mod tests {
         };
         let html = page(2, true);
         assert!(html.contains("The list has 3 candidates; this page shows the best 2."));
-        assert!(html.contains("segment 1, 12 mm from the rectum<") && html.matches("src=\"2.png\"").count() == 2);
+        assert!(
+            html.contains("sigmoid, segment 1, 12 mm from the rectum<") && html.matches("src=\"2.png\"").count() == 2
+        );
         assert!(page(3, false).contains("<p>3 candidates, the best first.</p>"));
         assert!(!page(3, false).contains("from the rectum"));
         assert!(page(0, true).contains("Nothing of the wall"));

@@ -724,7 +724,11 @@ impl FlightController {
                 .map(|m| (m * 1000.0).round() as u32)
                 .collect(),
             // The length is approximate, so it is rounded to its significant digits.
-            place: format!("{:.0} of about {:.0} mm", (along / 10.0).round() * 10.0, (length / 10.0).round() * 10.0),
+            place: {
+                let mm =
+                    format!("{:.0} of about {:.0} mm", (along / 10.0).round() * 10.0, (length / 10.0).round() * 10.0);
+                self.figures.part().map_or(mm.clone(), |part| format!("{part}, {mm}"))
+            },
             message: self.message.as_ref().map(|m| m.0.clone()),
             help: if self.help { self.actions.help() } else { Vec::new() },
             marks_drawn,

@@ -1,5 +1,6 @@
 //! Frame time, speed and clearance, averaged over a moment and updated at a readable rate.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::view_renderer::{ViewRenderer, quality_of, refined};
@@ -7,6 +8,7 @@ use crate::app::FlightApp;
 use crate::components::camera::{Contact, Velocity};
 use crate::components::input::Hand;
 use crate::components::output::Picture;
+use crate::fields::lumen::{Lumen, Names};
 use crate::render::{ImageSize, Quality};
 use crate::schedule::PluginTime;
 
@@ -22,13 +24,24 @@ pub(crate) struct Figures {
     lines: Vec<String>,
     /// Position along the path, per mille.
     per_mille: u32,
+    /// Names of the colon's parts, of the lumen that is flown, and that of the part around the camera.
+    names: Option<(Arc<Lumen>, Names)>,
+    part: Option<&'static str>,
     stale: bool,
 }
 
 impl Figures {
     /// Creates figures without values.
     pub(crate) fn new(now: Instant) -> Self {
-        Self { since: now, counted: 0, lines: vec![String::new(); 4], per_mille: 0, stale: true }
+        Self {
+            since: now,
+            counted: 0,
+            lines: vec![String::new(); 4],
+            per_mille: 0,
+            names: None,
+            part: None,
+            stale: true,
+        }
     }
 
     /// Marks the figures as changed.
@@ -45,6 +58,23 @@ impl Figures {
     /// change is painted.
     pub(crate) fn per_mille(&self) -> u32 {
         self.per_mille
+    }
+
+    /// Returns the name of the colon's part around the camera, if it is known.
+    pub(crate) fn part(&self) -> Option<&'static str> {
+        self.part
+    }
+
+    /// Names the part around the camera.
+    fn name(&mut self, flight: &FlightApp) {
+        let lumen = &flight.setup().lumen;
+        if self.names.as_ref().is_none_or(|n| !Arc::ptr_eq(&n.0, lumen)) {
+            self.names = Some((Arc::clone(lumen), lumen.names()));
+        }
+        // Gas that is no segment has no part of the colon around it.
+        let position = flight.pose().position;
+        let names = self.names.as_ref().filter(|n| n.0.segment_at(position).is_some());
+        self.part = names.and_then(|n| n.1.at(position)).map(|p| p.name);
     }
 
     /// Returns the figures, one per line. Updates them if it is time.
@@ -65,6 +95,7 @@ impl Figures {
             let rate = detail.and_then(refined).unwrap_or_else(|| format!("{fps:.0} fps"));
             self.lines[0] = format!("{ms:.0} ms, {rate} ({width}x{height})");
         }
+        self.name(flight);
         self.per_mille = (flight.survey().progress().0 * 1000.0).round() as u32;
         (self.counted, self.since, self.stale) = (view_renderer.frames().len(), now, false);
         let hand: Hand = flight.camera().copied().unwrap_or_default();
