@@ -335,13 +335,10 @@ pub fn first_attitude(volume: &PreparedVolume, start: DVec3, goal: DVec3) -> Att
 
 /// Creates the error that no colon was found, with what was found instead.
 pub fn no_colon(lumen: &Lumen) -> Error {
+    let found = lumen.found().unwrap_or_else(|| "no gas in the body that looks like a colon's".to_owned());
     let is_chest = lumen.landmarks.as_ref().is_some_and(|l| l.is_chest());
     let hint = if is_chest { " (a scan of the chest?)" } else { " (an unprepared or collapsed colon?)" };
-    Error::incomplete(
-        "no colon found to fly through",
-        format!("{}{hint}", lumen.found()),
-        "start in any gas with --from X,Y,Z",
-    )
+    Error::incomplete("no colon found to fly through", format!("{found}{hint}"), "start in any gas with --from X,Y,Z")
 }
 
 fn outside(option: &str, at: DVec3) -> Error {

@@ -249,7 +249,8 @@ pub(crate) fn around(volume: Volume, lumen: Lumen, beyond_mm: f64) -> (Volume, L
 
 /// The failure of a command that found no colon in a scan.
 pub(crate) fn no_lumen(lumen: &Lumen, hint: &str) -> Error {
-    Error::incomplete("volume", format!("no gas of a colon was found in it: {}", lumen.found()), hint)
+    let found = lumen.found().map_or_else(String::new, |f| format!(": {f}"));
+    Error::incomplete("volume", format!("no gas of a colon was found in it{found}"), hint)
 }
 
 /// Rejects outputs of a command that would overwrite its input or each other, or whose folder is missing, before any work is done.

@@ -451,8 +451,9 @@ impl Lumen {
         }
     }
 
-    /// Describes the gas in the body for a reader who looks for a colon: what it was taken for, and what may be colon.
-    pub fn found(&self) -> String {
+    /// Describes the gas in the body for a reader who looks for a colon: what it was taken for, and what may be colon. `None` if
+    /// there is none.
+    pub fn found(&self) -> Option<String> {
         let kinds = [GasKind::Lung, GasKind::Trachea, GasKind::Stomach, GasKind::SmallBowel, GasKind::Unknown];
         let ml = |kind| self.others.iter().filter(|o| o.kind == kind).map(|o| o.ml).sum::<f64>();
         let taken = kinds.into_iter().map(|k| (k, ml(k))).filter(|k| k.1 >= 1.0);
@@ -465,10 +466,9 @@ impl Lumen {
         let colon =
             largest.map(|s| format!("the largest that may be colon is {:.0} ml and {:.0} mm long", s.ml, s.length_mm));
         match (taken.first(), colon) {
-            (None, None) => "no gas in the body that looks like a colon's".to_owned(),
-            (None, Some(colon)) => colon,
-            (Some(taken), None) => format!("the gas in the body was taken for {taken}"),
-            (Some(taken), Some(colon)) => format!("the gas in the body was taken for {taken}, and {colon}"),
+            (None, colon) => colon,
+            (Some(taken), None) => Some(format!("the gas in the body was taken for {taken}")),
+            (Some(taken), Some(colon)) => Some(format!("the gas in the body was taken for {taken}, and {colon}")),
         }
     }
 

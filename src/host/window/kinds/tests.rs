@@ -105,7 +105,9 @@ fn gas_has_the_colour_of_its_kind_and_the_reader_changes_it() {
     // Opened again, the scan has that kind from the first.
     scan.tell(told::read(&file).unwrap());
     let again = flown(&mut scan);
-    assert_eq!(again.flight().setup().told, c.flight().setup().told);
+    // A file keeps a place to the last digit but one.
+    let [a, b] = [&again, &c].map(|c| c.flight().setup().told[0]);
+    assert!(a.0.distance(b.0) < 1e-9 && a.1 == b.1, "{a:?}, {b:?}");
     assert!(again.flight().setup().lumen.segment_at(place).is_some());
     // It is undone like any other change.
     perform(&mut c, "undo", now);
