@@ -33,8 +33,10 @@ pub(crate) enum Kind {
 /// The facts that the slices of a series share.
 #[derive(Clone, Debug)]
 pub(crate) struct Origin {
-    /// Hash of the patient's identity.
+    /// Hash of the patient's identity; without one, of the study.
     pub patient: u64,
+    /// True if the patient's identity is known. Some writers give no identity, and each slice a study of its own.
+    pub has_identity: bool,
     /// Hash of the study's UID.
     pub study: u64,
     /// Hash of the UID of the frame of reference.
@@ -55,6 +57,7 @@ impl Origin {
             (true, true) => hash(&["study", &study]),
             _ => hash(&["patient", &id, &name]),
         };
+        let has_identity = !(name.is_empty() && id.is_empty());
         let image_type = text(IMAGE_TYPE);
         let is_type = |wanted: &str| image_type.split('\\').any(|t| t.trim() == wanted);
         let class = text(SOP_CLASS);
@@ -70,6 +73,7 @@ impl Origin {
         };
         Self {
             patient,
+            has_identity,
             study: hash(&["of", &study]),
             frame_of_reference: root.text(FRAME_OF_REFERENCE).map(|uid| hash(&["frame", &uid])),
             description: clean(&text(DESCRIPTION), &name, &id),

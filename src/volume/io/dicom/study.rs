@@ -31,7 +31,8 @@ impl Groups {
         for s in slices {
             let kind = s.origin.kind;
             let number = s.series_number.unwrap_or(i64::MAX);
-            let key = (kind == Kind::NoImage, number, s.series.clone(), kind, s.origin.patient);
+            let patient = if s.origin.has_identity { s.origin.patient } else { 0 };
+            let key = (kind == Kind::NoImage, number, s.series.clone(), kind, patient);
             map.entry(key).or_default().push(s);
         }
         let slices: Vec<Vec<Slice>> = map.into_values().collect();
