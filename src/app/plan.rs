@@ -218,7 +218,12 @@ fn finish(
     mut notes: Vec<String>,
 ) -> Result<Plan> {
     let walls = ClearanceFinder::new(volume.shared_voxels(), volume.transfer().iso() as f32, SNAP_MM + radius_mm + 1.0);
-    let (first, last) = ends_of(segment, request);
+    let (mut first, mut last) = ends_of(segment, request);
+    // Gas that is no colon has no direction of its own: the flight goes to the end that is farther from its start.
+    let is_free = own.is_some() && request.to.is_none() && !request.reverse;
+    if is_free && from.is_some_and(|f| f.distance(last) < f.distance(first)) {
+        (first, last) = (last, first);
+    }
     let mut missed = None;
     let (goal, within_mm) = match request.to {
         Some(Place::World(to)) => {

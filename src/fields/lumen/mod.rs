@@ -13,7 +13,7 @@ pub(in crate::fields) mod frame;
 mod graph;
 mod grow;
 mod interior;
-mod judge;
+mod judgement;
 mod kinds;
 mod map;
 mod names;
@@ -39,7 +39,7 @@ use runs::Rows;
 
 pub use along::Along;
 pub use interior::Interior;
-pub use kinds::{Chain, Features, GasKind, Judged, Landmarks, RULES, Rule};
+pub use kinds::{Chain, Considered, Features, GasKind, Judged, Landmarks, RULES, Rule, judge};
 pub use map::{GasBody, KindMap};
 pub use names::{NAMES, Names, Part};
 pub use others::{Other, Others, not_colon};
@@ -94,6 +94,8 @@ pub struct Lumen {
     pub ordered: bool,
     /// What the larger pieces of other gas were taken for, the largest first.
     pub others: Vec<Other>,
+    /// The bodies that the rules weighed.
+    pub considered: Vec<Considered>,
     /// Landmarks of the patient, if the gas was judged.
     pub landmarks: Option<Landmarks>,
     /// How the patient lies, if levels of fluid or the table tell it.
@@ -154,7 +156,7 @@ pub fn find_told(volume: &Volume, told: &[Told], progress: &Progress) -> Result<
     }
     let core = rows.select(|c| place[c as usize]);
     drop(rows);
-    let mut lumen = judge::lumen(volume, core, chosen.len(), told, frame, progress)?;
+    let mut lumen = judgement::lumen(volume, core, chosen.len(), told, frame, progress)?;
     lumen.others.append(&mut others);
     lumen.others.sort_by(|a, b| b.ml.total_cmp(&a.ml));
     Ok(lumen)
@@ -352,7 +354,18 @@ impl Lumen {
     /// Creates a lumen of gas and fluid without segments.
     fn of_rows(grid: &Grid, gas: Rows, fluid: Rows) -> Self {
         let (segments, others, other) = (Vec::new(), Vec::new(), Rows::default());
-        Self { segments, ordered: false, others, landmarks: None, lying: None, grid: grid.clone(), gas, fluid, other }
+        Self {
+            segments,
+            ordered: false,
+            others,
+            considered: Vec::new(),
+            landmarks: None,
+            lying: None,
+            grid: grid.clone(),
+            gas,
+            fluid,
+            other,
+        }
     }
 
     /// Returns the segment whose gas contains a position (world, mm).

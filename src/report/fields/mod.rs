@@ -1,11 +1,13 @@
 //! `report fields`: wall distances and centerlines, error against time and memory.
 
+mod kinds;
 mod measure;
 
 use std::path::Path;
 
 use crate::error::Result;
 use crate::fields::centerline::CenterlineMethod;
+use crate::fields::lumen;
 use crate::phantom::{Phantom, PhantomSettings, Size};
 use crate::progress::Progress;
 use crate::volume::Volume;
@@ -26,6 +28,9 @@ const METHODS: [(CenterlineMethod, &str); 4] = [
 /// Number of phantoms in a full report.
 const SEEDS: u64 = 3;
 
+/// Number of phantoms with every kind of gas in a full report.
+const JUDGED: u64 = 10;
+
 /// Measures on phantoms (and on a scan, with its title) and writes the report into `folder`. Returns the findings, one sentence
 /// each.
 ///
@@ -45,20 +50,28 @@ pub(crate) fn report(
         let volume = phantom.voxelise(&phantom.grid(), progress)?;
         all.push(measure::measure(&format!("phantom, {name}, seed {seed}"), &volume, Some(&phantom), progress)?);
     }
+    let mut decided = None;
     if let Some((title, volume)) = scan {
         all.push(measure::measure(&title, &volume, None, progress)?);
+        decided = Some((title, kinds::Decisions::of(&lumen::find(&volume, progress)?)));
     }
-    write(&all, folder)
+    let judged = kinds::phantoms(size, name, effort.choose(2, JUDGED), progress)?;
+    write(&all, &judged, decided.as_ref(), folder)
 }
 
-fn write(all: &[Measured], folder: &Path) -> Result<Vec<String>> {
+fn write(
+    all: &[Measured],
+    judged: &[kinds::Judgement],
+    decided: Option<&(String, kinds::Decisions)>,
+    folder: &Path,
+) -> Result<Vec<String>> {
     let mut page = Page::new(folder, "colvis: distances to the wall and centerlines, error against time")?;
     page.text(
         "Phantoms with folds, polyps and noise; the truth of a centerline is the tube's axis, that of a distance the \
          analytic wall within 2 mm of it. A line's error is the distance of its points from the truth, between its ends. \
          Memory is the increase of resident memory, on systems that report it. Each method is measured once, in turn, in a process that has run it before.",
     );
-    let findings = findings(all);
+    let mut findings = findings(all);
     for f in &findings {
         page.finding(f);
     }
@@ -78,6 +91,11 @@ fn write(all: &[Measured], folder: &Path) -> Result<Vec<String>> {
     page.table("centerline-methods", &line_table(all))?;
     page.section("The whole preparation");
     page.table("preparation", &preparation_table(all))?;
+    let about_kinds = kinds::write(&mut page, judged, decided)?;
+    for f in &about_kinds {
+        page.finding(f);
+    }
+    findings.extend(about_kinds);
     page.finish()?;
     Ok(findings)
 }

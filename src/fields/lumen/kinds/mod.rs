@@ -12,7 +12,7 @@ pub(super) mod rules;
 
 pub use features::Features;
 pub use landmarks::Landmarks;
-pub use rules::{Chain, RULES, Rule};
+pub use rules::{Chain, RULES, Rule, judge};
 
 /// The kind of a body of gas.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
@@ -73,4 +73,15 @@ pub struct Judged {
     pub why: &'static str,
     /// True if it belongs to the colon, or may.
     pub is_lumen: bool,
+}
+
+/// A body of gas, or a part of one, that the rules weighed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Considered {
+    /// Its measures.
+    pub features: Features,
+    /// Its place in the chain from rectum to cecum.
+    pub chain: Chain,
+    /// What it was judged to be.
+    pub judged: Judged,
 }

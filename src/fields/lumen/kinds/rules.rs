@@ -105,7 +105,7 @@ pub(crate) fn for_colon(f: &Features) -> f64 {
 }
 
 /// Judges a body; rule number `without` is left out.
-pub(crate) fn judge(f: &Features, chain: Chain, without: Option<usize>) -> Judged {
+pub fn judge(f: &Features, chain: Chain, without: Option<usize>) -> Judged {
     let sums = weigh(f, chain, without);
     let best = (0..sums.len()).fold(0, |b, n| if sums[n] > sums[b] { n } else { b });
     let second = (0..sums.len()).filter(|&n| n != best).map(|n| sums[n]).fold(0.0, f64::max);

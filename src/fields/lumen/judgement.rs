@@ -3,7 +3,7 @@
 use super::frame::Frame;
 use super::graph::Graph;
 use super::kinds::rules::{self, Chain};
-use super::kinds::{Features, GasKind, Judged, Landmarks, features, necks};
+use super::kinds::{Considered, Features, GasKind, Judged, Landmarks, features, necks};
 use super::others::Other;
 use super::runs::{Rows, Sets, touching};
 use super::{Bodies, Body, Lumen, SNAP_MM, Told, ends, measured, order};
@@ -40,7 +40,8 @@ pub(super) fn lumen(
     let core = if is_divided { graph.labelled(grid, &core, progress)? } else { core };
     let mut bodies = Bodies::of(volume, core, &graph, former.len(), frame, progress)?;
     let Some(landmarks) = landmarks else { return Ok(bodies.into_lumen(volume, frame, None)) };
-    let (judged, features) = judge(volume, &bodies, told, &landmarks);
+    let considered = considered(volume, &bodies, told, &landmarks);
+    let judged: Vec<Judged> = considered.iter().map(|c| c.judged).collect();
     // Parts that touch and are both colon become one again.
     let mut sets = Sets::new(former.len());
     if is_divided {
@@ -73,7 +74,7 @@ pub(super) fn lumen(
             why,
             bounds_mm: s.bounds_mm,
             is_judged: true,
-            features: Some(features[n]),
+            features: Some(considered[n].features),
         });
     }
     for (n, l) in label.iter().enumerate() {
@@ -83,12 +84,12 @@ pub(super) fn lumen(
         bodies = bodies.relabelled(volume, &mut graph, &label, kept.len(), progress)?;
     }
     let mut lumen = bodies.into_lumen(volume, frame, Some(landmarks));
-    (lumen.others, lumen.other) = (others, other);
+    (lumen.others, lumen.other, lumen.considered) = (others, other, considered);
     Ok(lumen)
 }
 
 /// Judges the bodies: first each by itself, then by the cheapest chain.
-fn judge(volume: &Volume, bodies: &Bodies, told: &[Told], landmarks: &Landmarks) -> (Vec<Judged>, Vec<Features>) {
+fn considered(volume: &Volume, bodies: &Bodies, told: &[Told], landmarks: &Landmarks) -> Vec<Considered> {
     let count = bodies.segments.len();
     let surfaces = features::surfaces(volume.grid(), &bodies.gas, count);
     let features: Vec<Features> = (0..count)
@@ -106,13 +107,17 @@ fn judge(volume: &Volume, bodies: &Bodies, told: &[Told], landmarks: &Landmarks)
         false if is_whole => Chain::Spare,
         _ => Chain::Unknown,
     };
-    let mut judged: Vec<Judged> = (0..count).map(|n| rules::judge(&features[n], chain(n), None)).collect();
+    let consider = |n: usize| {
+        let (features, chain) = (features[n], chain(n));
+        Considered { features, chain, judged: rules::judge(&features, chain, None) }
+    };
+    let mut all: Vec<Considered> = (0..count).map(consider).collect();
     for &(at, kind) in told {
         if let Some((n, _)) = ends::nearest(volume.grid(), &bodies.gas, at, SNAP_MM, |_| true) {
-            judged[n as usize] = Judged { kind, why: "the reader said so", is_lumen: kind == GasKind::Colon };
+            all[n as usize].judged = Judged { kind, why: "the reader said so", is_lumen: kind == GasKind::Colon };
         }
     }
-    (judged, features)
+    all
 }
 
 impl Bodies {
