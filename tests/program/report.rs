@@ -263,7 +263,7 @@ fn fields_are_reported() {
     let said = String::from_utf8_lossy(&said.stdout).into_owned();
     let html = page(&out, 2);
     assert!(
-        said.lines().count() == 3 && said.lines().take(2).all(|l| html.contains(&l.replace('&', "&amp;"))),
+        said.lines().count() == 4 && said.lines().take(3).all(|l| html.contains(&l.replace('&', "&amp;"))),
         "{said}"
     );
     let number = |r: &[String], c: usize| r[c].parse::<f64>().unwrap();
