@@ -31,6 +31,8 @@ const SURFACE_MM2: f64 = 60.0;
 const SURE: usize = 3;
 /// Minimum area of level surface that tells which way is down, mm².
 const TELLING_MM2: f64 = 300.0;
+/// With this area of level surface on the back or the belly, the sides are not looked at, mm².
+const AMPLE_MM2: f64 = 1500.0;
 /// Depth of fluid below its surface where it is too thin to flood, mm.
 const FILM_MM: f64 = 5.0;
 /// Maximum distance of fluid from its surface, mm.
@@ -67,7 +69,7 @@ struct Column {
 
 /// Finds the fluid below the gas of `count` labels.
 pub(super) fn find(volume: &Volume, gas: &Rows, count: usize, frame: Frame, progress: &Progress) -> Result<Fluid> {
-    // Most patients lie on the back or the belly; their sides are only looked at where neither is sure.
+    // Most patients lie on the back or the belly; their sides are only looked at where neither has much.
     let mut found = Vec::with_capacity(4);
     for sides in [[frame.posterior, frame.posterior.back()], [frame.left, frame.left.back()]] {
         for down in sides {
@@ -78,7 +80,8 @@ pub(super) fn find(volume: &Volume, gas: &Rows, count: usize, frame: Frame, prog
             found.push((down, columns));
         }
         found.sort_by_key(|f| std::cmp::Reverse(f.1.len()));
-        if found[0].1.len() > found[1].1.len() * SURE {
+        let area = found[0].1.len() as f64 * cell_mm2(volume.grid(), frame, found[0].0);
+        if area >= AMPLE_MM2 && found[0].1.len() > found[1].1.len() * SURE {
             break;
         }
     }

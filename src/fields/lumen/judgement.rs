@@ -18,6 +18,11 @@ const WHOLE_MM: f64 = 950.0;
 const WORTH_MM: f64 = 80.0;
 /// … and of each unit of evidence.
 const EVIDENCE_MM: f64 = 60.0;
+/// The length of a body counts, too: in full for one as wide as the second caliber, mm, in an adult; against one near the first, because
+/// a chain must not take the way through it for nothing …
+const NARROW_MM: [f64; 2] = [20.0, 30.0];
+/// … with this share.
+const NARROW: f64 = 0.5;
 
 /// Builds the lumen from the cores labelled 0 to `count` − 1: judges each body, or its parts if narrow passages divide it, and keeps
 /// what is colon or may be.
@@ -33,7 +38,7 @@ pub(super) fn lumen(
     let landmarks = Landmarks::of(volume, frame);
     let mut graph = Graph::of(grid, &core, progress)?;
     let former = match &landmarks {
-        Some(_) => necks::part(&mut graph, count, grid.voxel_ml()),
+        Some(l) => necks::part(&mut graph, count, grid.voxel_ml(), l.scale()),
         None => (0..count as u32).collect(),
     };
     let is_divided = former.len() > count;
@@ -95,9 +100,13 @@ fn considered(volume: &Volume, bodies: &Bodies, told: &[Told], landmarks: &Landm
     let features: Vec<Features> = (0..count)
         .map(|n| features::measure(&bodies.segments, n, &bodies.clearances[n], surfaces[n], landmarks))
         .collect();
-    let worth = |n: usize| WORTH_MM + EVIDENCE_MM * rules::for_colon(&features[n]);
+    let worth = |n: usize| {
+        let f = &features[n];
+        let wide = 2.0 * (f.caliber_mm - NARROW_MM[0]) / (NARROW_MM[1] - NARROW_MM[0]) - 1.0;
+        WORTH_MM + EVIDENCE_MM * rules::for_colon(f) + wide.clamp(-NARROW, 1.0) * f.length_mm.max(f.along_mm)
+    };
     let scale = landmarks.scale();
-    let body = Body::of(volume, bodies.lowest());
+    let body = Body::of(volume, bodies.lowest(), scale);
     let order = order::order(&bodies.links(volume.grid(), worth), &body);
     let is_trusted = order.trusted && !landmarks.is_chest();
     let links = &order.chain[..order.passed];

@@ -271,7 +271,7 @@ impl Bodies {
 
     /// Orders the bodies from rectum to cecum.
     fn into_lumen(self, volume: &Volume, frame: Frame, landmarks: Option<Landmarks>) -> Lumen {
-        let body = Body::of(volume, self.lowest());
+        let body = Body::of(volume, self.lowest(), landmarks.as_ref().map_or(1.0, Landmarks::scale));
         let order = order::order(&self.links(volume.grid(), |_| f64::INFINITY), &body);
         let mut place = vec![0u32; self.segments.len()];
         for (n, &(s, _)) in order.chain.iter().enumerate() {

@@ -19,7 +19,7 @@ const CECUM_RIGHT_MM: f64 = 20.0;
 /// For a trusted order: maximum distance of the rectum from the midline, mm.
 const RECTUM_ASIDE_MM: f64 = 60.0;
 /// For a trusted order: maximum gap between two segments, mm.
-const WIDEST_GAP_MM: f64 = 150.0;
+const WIDEST_GAP_MM: f64 = 220.0;
 /// For a trusted order: minimum length from end to end, mm.
 const LEAST_COLON_MM: f64 = 200.0;
 
@@ -35,11 +35,13 @@ pub(super) struct Body {
     pub span: [f64; 2],
     /// z of the lowest gas of the colon.
     pub lowest: f64,
+    /// Size compared with an adult's.
+    pub scale: f64,
 }
 
 impl Body {
     /// Measures the tissue on every eighth voxel of every eighth row.
-    pub(crate) fn of(volume: &Volume, lowest: f64) -> Self {
+    pub(crate) fn of(volume: &Volume, lowest: f64, scale: f64) -> Self {
         let grid: &Grid = volume.grid();
         let [nx, ny, nz] = grid.dims();
         // At least about 16 samples along each axis, so that a small volume is measured too.
@@ -59,17 +61,18 @@ impl Body {
             }
         }
         let middle = (DVec3::new(nx as f64, ny as f64, nz as f64) - 1.0) / 2.0;
-        Self { centre: if count > 0.0 { sum / count } else { grid.world(middle) }, span, lowest }
+        Self { centre: if count > 0.0 { sum / count } else { grid.world(middle) }, span, lowest, scale }
     }
 
-    /// Returns how unlike the rectum a position is, mm: high, off the midline, or anterior.
+    /// Returns how unlike the rectum a position is, mm in an adult: high, off the midline, or anterior.
     fn unlike_rectum(&self, p: DVec3) -> f64 {
-        (p.z - self.lowest) + (p.x - self.centre.x).abs() + 0.5 * (self.centre.y - p.y).max(0.0)
+        let mm = (p.z - self.lowest) + (p.x - self.centre.x).abs() + 0.5 * (self.centre.y - p.y).max(0.0);
+        mm / self.scale
     }
 
-    /// Returns how unlike the cecum a position is, mm: not on the right, or high.
+    /// Returns how unlike the cecum a position is, mm in an adult: not on the right, or high.
     fn unlike_cecum(&self, p: DVec3) -> f64 {
-        (p.x - self.centre.x + 2.0 * CECUM_RIGHT_MM).max(0.0) + 0.3 * (p.z - self.lowest)
+        ((p.x - self.centre.x) / self.scale + 2.0 * CECUM_RIGHT_MM).max(0.0) + 0.3 * (p.z - self.lowest) / self.scale
     }
 }
 
@@ -108,7 +111,7 @@ pub(super) fn order(links: &[Link], body: &Body) -> SegmentOrder {
     let entry = |s: usize, swapped: bool| links[s].ends[usize::from(swapped)];
     let exit = |s: usize, swapped: bool| links[s].ends[usize::from(!swapped)];
     let gap = |a: usize, b: usize, from: DVec3, to: DVec3| {
-        let mm = gap_mm(&links[a], &links[b], from, to);
+        let mm = gap_mm(&links[a], &links[b], from, to) / body.scale;
         if links[a].joined_to.contains(&b) { FLUID_GAP * mm } else { mm * (1.0 + mm.min(DEAREST_MM) / DEAR_GAP_MM) }
     };
     // best[set][state]: least cost of passing `set` and ending in `state` (segment and direction), and the previous
@@ -186,12 +189,12 @@ fn is_colon(links: &[Link], chain: &[(usize, bool)], body: &Body) -> bool {
     let (rectum, cecum) = (end(first, false), end(last, true));
     let between = |w: &[(usize, bool)]| gap_mm(&links[w[0].0], &links[w[1].0], end(&w[0], true), end(&w[1], false));
     let gaps: Vec<f64> = chain.windows(2).map(between).collect();
-    (rectum.x - body.centre.x).abs() <= RECTUM_ASIDE_MM
+    (rectum.x - body.centre.x).abs() <= RECTUM_ASIDE_MM * body.scale
         && rectum.z <= cecum.z
         && rectum.z <= body.span[0] + RECTUM_HEIGHT * (body.span[1] - body.span[0])
-        && cecum.x <= body.centre.x - CECUM_RIGHT_MM
-        && gaps.iter().all(|&g| g <= WIDEST_GAP_MM)
-        && length(links, chain) >= LEAST_COLON_MM
+        && cecum.x <= body.centre.x - CECUM_RIGHT_MM * body.scale
+        && gaps.iter().all(|&g| g <= WIDEST_GAP_MM * body.scale)
+        && length(links, chain) >= LEAST_COLON_MM * body.scale
 }
 
 #[cfg(test)]
@@ -201,7 +204,7 @@ mod tests {
     use super::*;
 
     /// A body around the origin from -200 to 200 mm, with gas down to -150.
-    const BODY: Body = Body { centre: DVec3::ZERO, span: [-200.0, 200.0], lowest: -150.0 };
+    const BODY: Body = Body { centre: DVec3::ZERO, span: [-200.0, 200.0], lowest: -150.0, scale: 1.0 };
 
     fn trusted(rectum: DVec3, cecum: DVec3, length_mm: f64) -> bool {
         let links = [Link {
@@ -233,6 +236,6 @@ mod tests {
         let grid =
             Grid::new([5, 8, 12], DVec3::new(1.0, 2.0, 3.0), DVec3::new(-7.0, 3.0, 11.0), DMat3::IDENTITY).unwrap();
         let volume = Volume::new(grid.clone(), vec![-1000; grid.len()]);
-        assert_eq!(Body::of(&volume, 0.0).centre, DVec3::new(-7.0 + 2.0, 3.0 + 7.0, 11.0 + 16.5));
+        assert_eq!(Body::of(&volume, 0.0, 1.0).centre, DVec3::new(-7.0 + 2.0, 3.0 + 7.0, 11.0 + 16.5));
     }
 }

@@ -85,3 +85,6 @@ pub struct Considered {
     /// What it was judged to be.
     pub judged: Judged,
 }
+
+#[cfg(test)]
+mod tests;

@@ -9,14 +9,14 @@ use crate::fields::lumen::runs::Sets;
 
 /// Clearance below which a passage is narrow, mm, as coarse as the map.
 const NARROW_MM: f64 = 2.6;
-/// Minimum volume of a part, ml.
+/// Minimum volume of a part, ml, in an adult.
 const AMPLE_ML: f64 = 6.0;
-/// Minimum clearance in the middle of a part, mm.
+/// Minimum clearance in the middle of a part, mm, in an adult.
 const WIDE_MM: f64 = 5.0;
 
-/// Gives the parts of each label their own labels, from 0 on without gaps, and returns how many there are and the former label of
-/// each. Where nothing is narrow, labels stay as they are.
-pub(crate) fn part(graph: &mut Graph, count: usize, voxel_ml: f64) -> Vec<u32> {
+/// Gives the parts of each label their own labels, from 0 on without gaps, and returns the former label of each; the patient's
+/// size compared with an adult's is `scale`. Where nothing is narrow, labels stay as they are.
+pub(crate) fn part(graph: &mut Graph, count: usize, voxel_ml: f64, scale: f64) -> Vec<u32> {
     let nodes = &graph.nodes;
     let mut order: Vec<u32> = (0..nodes.len() as u32).collect();
     order.sort_by(|&a, &b| nodes[b as usize].clearance.total_cmp(&nodes[a as usize].clearance).then(a.cmp(&b)));
@@ -24,7 +24,8 @@ pub(crate) fn part(graph: &mut Graph, count: usize, voxel_ml: f64) -> Vec<u32> {
     // Of each set's root: its voxels and its largest clearance.
     let mut size: Vec<(u64, f64)> = nodes.iter().map(|n| (u64::from(n.voxels), n.clearance)).collect();
     let mut taken = vec![false; nodes.len()];
-    let is_part = |(voxels, widest): (u64, f64)| voxels as f64 * voxel_ml >= AMPLE_ML && widest >= WIDE_MM;
+    let (least_ml, least_mm) = (AMPLE_ML * scale.powi(3), WIDE_MM * scale);
+    let is_part = |(voxels, widest): (u64, f64)| voxels as f64 * voxel_ml >= least_ml && widest >= least_mm;
     for &n in &order {
         taken[n as usize] = true;
         let here = &nodes[n as usize];

@@ -43,6 +43,9 @@ pub const RULES: &[Rule] = {
     &[
         rule(Colon, 4.0, "the way from rectum to cecum leads through it", |_, c| c == Chain::Link),
         rule(Colon, 1.5, "it lies behind in the pelvis", |f, _| f.height < 0.25 && f.aside.abs() < 0.3 && f.back > 0.5),
+        rule(Colon, 1.5, "it lies low on the right and is as wide as the cecum", |f, _| {
+            f.aside < -0.35 && f.height < 0.5 && f.caliber_mm >= 27.0
+        }),
         rule(Colon, 1.0, "it is the largest body of gas", |f, _| f.share >= 1.0 && f.ml > 150.0),
         rule(Colon, 1.0, "it is as wide as a colon", |f, _| (27.0..60.0).contains(&f.caliber_mm)),
         rule(Colon, 1.0, "it is long", |f, _| f.length_mm >= 450.0 && f.caliber_mm >= 22.0),
@@ -57,7 +60,7 @@ pub const RULES: &[Rule] = {
             f.aside.abs() < 0.45 && f.height > 0.2 && f.length_mm > 60.0
         }),
         rule(Stomach, 2.0, "it is short, wide and on the upper left", |f, _| {
-            f.caliber_mm > 36.0 && f.length_mm < 5.0 * f.caliber_mm && f.aside > -0.1 && f.height > 0.6
+            f.caliber_mm > 36.0 && f.length_mm < 4.0 * f.caliber_mm && (-0.1..0.65).contains(&f.aside) && f.height > 0.6
         }),
         rule(Stomach, 2.5, "it lies high, below the left lung", |f, _| {
             f.ml > 20.0
