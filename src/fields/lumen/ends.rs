@@ -52,7 +52,8 @@ pub(super) fn ends(grid: &Grid, rows: &Rows, graph: &Graph, label: u32) -> Optio
     }
     let at = [first, second].map(|n| centred(grid, rows, &graph.nodes[n as usize]));
     let way = smooth(&polyline);
-    let length_mm = way.windows(2).map(|w| w[0].distance(w[1])).sum();
+    // An empty sum is −0.
+    let length_mm = way.windows(2).map(|w| w[0].distance(w[1])).sum::<f64>() + 0.0;
     Some(Ends { at, length_mm, way, clearances })
 }
 

@@ -15,7 +15,7 @@ use crate::volume::Volume;
 /// Utano 2021).
 const WHOLE_MM: f64 = 950.0;
 /// Worth of a body about which nothing speaks for or against the colon, mm of a chain …
-const WORTH_MM: f64 = 80.0;
+const WORTH_MM: f64 = 40.0;
 /// … and of each unit of evidence.
 const EVIDENCE_MM: f64 = 60.0;
 /// The length of a body counts, too: in full for one as wide as the second caliber, mm, in an adult; against one near the first, because

@@ -26,9 +26,9 @@ const FLEXURE_ENDS: [f64; 2] = [0.92, 0.06];
 /// A flexure reaches at most this far from its highest place, mm, in an adult.
 const FLEXURE_MM: f64 = 85.0;
 /// Slope of the way where the descending colon begins, and its tolerance.
-const DESCENDING: [f64; 2] = [0.92, 0.04];
+const DESCENDING: [f64; 2] = [0.96, 0.03];
 /// Length of the rectum, mm, in an adult: least, usual and most.
-const RECTUM_MM: [f64; 3] = [120.0, 155.0, 200.0];
+const RECTUM_MM: [f64; 3] = [120.0, 150.0, 200.0];
 /// Length of the cecum up to the centre of the last ball, mm, in an adult, and its tolerance.
 const CECUM_MM: [f64; 2] = [32.0, 15.0];
 /// Minimum uncertainty of a junction, mm, in an adult.

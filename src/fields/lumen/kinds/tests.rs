@@ -7,7 +7,7 @@ use super::{Chain, Features, GasKind, judge};
 use crate::fields::lumen;
 use crate::phantom::{Phantom, PhantomSettings, Position, Size};
 use crate::progress::Progress;
-use crate::volume::PatientPosition;
+use crate::volume::{PatientPosition, Volume};
 
 /// A phantom with every kind of gas.
 fn phantom(seed: u64, position: Position) -> Phantom {
@@ -132,5 +132,39 @@ fn features_that_are_no_numbers_judge_a_body_without_panic() {
     for chain in [Chain::Unknown, Chain::Link, Chain::Spare] {
         let judged = judge(&f, chain, None);
         assert!(GasKind::ALL.contains(&judged.kind) && !judged.why.is_empty());
+    }
+}
+
+/// Returns the slices of a volume from `from` to `to` of its height.
+fn slab(volume: &Volume, [from, to]: [f64; 2]) -> Volume {
+    let [nx, ny, nz] = volume.grid().dims();
+    let (first, last) = ((from * nz as f64) as usize, (to * nz as f64) as usize);
+    let grid = volume.grid().part([0, 0, first], [nx, ny, last - first]);
+    Volume::new(grid, volume.data()[nx * ny * first..nx * ny * last].to_vec())
+}
+
+#[test]
+fn scans_of_other_regions_are_not_flown() {
+    const COLON: u8 = 1;
+    for seed in 1..=5 {
+        let (phantom, progress) = (phantom(seed, Position::Supine), Progress::default());
+        let whole = phantom.voxelise(&phantom.grid(), &progress).unwrap();
+        let labels = phantom.labels(whole.grid(), &progress).unwrap();
+        let unprepared = whole.data().iter().zip(&labels).map(|(&hu, &l)| if l == COLON { 40 } else { hu }).collect();
+        let unprepared = Volume::new(whole.grid().clone(), unprepared);
+        let regions = [
+            ("the chest", slab(&whole, [0.9, 1.0])),
+            ("an abdomen without gas in the colon", slab(&unprepared, [0.0, 1.0])),
+            ("its upper part", slab(&unprepared, [0.6, 1.0])),
+            ("a pelvis without gas", slab(&unprepared, [0.0, 0.2])),
+        ];
+        // What the gas must have been taken for.
+        let kinds: [&[&str]; 4] = [&["lung"], &["lung", "stomach", "small bowel"], &["lung", "stomach"], &[]];
+        for ((name, volume), kinds) in regions.into_iter().zip(kinds) {
+            let lumen = lumen::find(&volume, &progress).unwrap();
+            let found = lumen.found().unwrap_or_default();
+            assert!(kinds.iter().all(|k| found.contains(k)), "{name}, seed {seed}: {found}");
+            assert!(!lumen.ordered && !lumen.is_flyable(), "{name}, seed {seed}");
+        }
     }
 }
