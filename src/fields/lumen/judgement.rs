@@ -1,5 +1,7 @@
 //! Judgement of the bodies of gas that may be colon, and the lumen of those that are.
 
+use std::collections::BTreeSet;
+
 use super::frame::Frame;
 use super::graph::Graph;
 use super::kinds::rules::{self, Chain};
@@ -15,7 +17,7 @@ use crate::volume::Volume;
 /// Utano 2021).
 const WHOLE_MM: f64 = 950.0;
 /// Worth of a body about which nothing speaks for or against the colon, mm of a chain …
-const WORTH_MM: f64 = 40.0;
+const WORTH_MM: f64 = 60.0;
 /// … and of each unit of evidence.
 const EVIDENCE_MM: f64 = 60.0;
 /// The length of a body counts, too: in full for one as wide as the second caliber, mm, in an adult; against one near the first, because
@@ -45,16 +47,16 @@ pub(super) fn lumen(
     let core = if is_divided { graph.labelled(grid, &core, progress)? } else { core };
     let mut bodies = Bodies::of(volume, core, &graph, former.len(), frame, progress)?;
     let Some(landmarks) = landmarks else { return Ok(bodies.into_lumen(volume, frame, None)) };
-    let considered = considered(volume, &bodies, told, &landmarks);
+    let mut touching = BTreeSet::new();
+    if is_divided {
+        touching_labels(&bodies.gas, |a, b| _ = touching.insert([a.min(b), a.max(b)]));
+    }
+    let considered = considered(volume, &bodies, &touching, told, &landmarks);
     let judged: Vec<Judged> = considered.iter().map(|c| c.judged).collect();
     // Parts that touch and are both colon become one again.
     let mut sets = Sets::new(former.len());
-    if is_divided {
-        touching_labels(&bodies.gas, |a, b| {
-            if judged[a as usize].is_lumen && judged[b as usize].is_lumen {
-                sets.join(a, b);
-            }
-        });
+    for &[a, b] in touching.iter().filter(|t| t.iter().all(|&n| judged[n as usize].is_lumen)) {
+        sets.join(a, b);
     }
     let (set, _) = sets.numbered();
     // The bodies that stay, by volume, the largest first.
@@ -93,8 +95,14 @@ pub(super) fn lumen(
     Ok(lumen)
 }
 
-/// Judges the bodies: first each by itself, then by the cheapest chain.
-fn considered(volume: &Volume, bodies: &Bodies, told: &[Told], landmarks: &Landmarks) -> Vec<Considered> {
+/// Judges the bodies, of which some touch: first each by itself, then by the cheapest chain.
+fn considered(
+    volume: &Volume,
+    bodies: &Bodies,
+    touching: &BTreeSet<[u32; 2]>,
+    told: &[Told],
+    landmarks: &Landmarks,
+) -> Vec<Considered> {
     let count = bodies.segments.len();
     let surfaces = features::surfaces(volume.grid(), &bodies.gas, count);
     let features: Vec<Features> = (0..count)
@@ -107,7 +115,12 @@ fn considered(volume: &Volume, bodies: &Bodies, told: &[Told], landmarks: &Landm
     };
     let scale = landmarks.scale();
     let body = Body::of(volume, bodies.lowest(), scale);
-    let order = order::order(&bodies.links(volume.grid(), worth), &body);
+    let mut links = bodies.links(volume.grid(), worth);
+    for &[a, b] in touching {
+        links[a as usize].joined_to.push(b as usize);
+        links[b as usize].joined_to.push(a as usize);
+    }
+    let order = order::order(&links, &body);
     let is_trusted = order.trusted && !landmarks.is_chest();
     let links = &order.chain[..order.passed];
     let is_whole = is_trusted && order.length_mm >= WHOLE_MM * scale;

@@ -55,10 +55,10 @@ pub(crate) fn measure(
 ) -> Features {
     let (s, scale) = (&segments[n], body.scale());
     let (ml, length) = (s.ml / scale.powi(3), (s.length_mm / scale).max(1.0));
-    let caliber_mm = 2.0 * (1000.0 * ml / (std::f64::consts::PI * length)).sqrt();
+    let caliber = |ml: f64, length: f64| 2.0 * (1000.0 * ml / (std::f64::consts::PI * length)).sqrt();
     // Its ends are the centres of balls: the tube is longer by about its radius at each.
-    let tube = length + 0.7 * caliber_mm;
-    let caliber_mm = 2.0 * (1000.0 * ml / (std::f64::consts::PI * tube)).sqrt();
+    let tube = length + 0.7 * caliber(ml, length);
+    let caliber_mm = caliber(ml, tube);
     let centre = 0.5 * (s.bounds_mm[0] + s.bounds_mm[1]);
     let extent = s.bounds_mm[1] - s.bounds_mm[0];
     let largest = segments.iter().map(|s| s.ml).fold(0.0, f64::max);
