@@ -1,7 +1,5 @@
 //! Judgement of the bodies of gas that may be colon, and the lumen of those that are.
 
-use std::collections::BTreeSet;
-
 use super::frame::Frame;
 use super::graph::Graph;
 use super::kinds::rules::{self, Chain};
@@ -47,16 +45,16 @@ pub(super) fn lumen(
     let core = if is_divided { graph.labelled(grid, &core, progress)? } else { core };
     let mut bodies = Bodies::of(volume, core, &graph, former.len(), frame, progress)?;
     let Some(landmarks) = landmarks else { return Ok(bodies.into_lumen(volume, frame, None)) };
-    let mut touching = BTreeSet::new();
-    if is_divided {
-        touching_labels(&bodies.gas, |a, b| _ = touching.insert([a.min(b), a.max(b)]));
-    }
-    let considered = considered(volume, &bodies, &touching, told, &landmarks);
+    let considered = considered(volume, &bodies, told, &landmarks);
     let judged: Vec<Judged> = considered.iter().map(|c| c.judged).collect();
     // Parts that touch and are both colon become one again.
     let mut sets = Sets::new(former.len());
-    for &[a, b] in touching.iter().filter(|t| t.iter().all(|&n| judged[n as usize].is_lumen)) {
-        sets.join(a, b);
+    if is_divided {
+        touching_labels(&bodies.gas, |a, b| {
+            if judged[a as usize].is_lumen && judged[b as usize].is_lumen {
+                sets.join(a, b);
+            }
+        });
     }
     let (set, _) = sets.numbered();
     // The bodies that stay, by volume, the largest first.
@@ -95,14 +93,8 @@ pub(super) fn lumen(
     Ok(lumen)
 }
 
-/// Judges the bodies, of which some touch: first each by itself, then by the cheapest chain.
-fn considered(
-    volume: &Volume,
-    bodies: &Bodies,
-    touching: &BTreeSet<[u32; 2]>,
-    told: &[Told],
-    landmarks: &Landmarks,
-) -> Vec<Considered> {
+/// Judges the bodies: first each by itself, then by the cheapest chain.
+fn considered(volume: &Volume, bodies: &Bodies, told: &[Told], landmarks: &Landmarks) -> Vec<Considered> {
     let count = bodies.segments.len();
     let surfaces = features::surfaces(volume.grid(), &bodies.gas, count);
     let features: Vec<Features> = (0..count)
@@ -115,12 +107,7 @@ fn considered(
     };
     let scale = landmarks.scale();
     let body = Body::of(volume, bodies.lowest(), scale);
-    let mut links = bodies.links(volume.grid(), worth);
-    for &[a, b] in touching {
-        links[a as usize].joined_to.push(b as usize);
-        links[b as usize].joined_to.push(a as usize);
-    }
-    let order = order::order(&links, &body);
+    let order = order::order(&bodies.links(volume.grid(), worth), &body);
     let is_trusted = order.trusted && !landmarks.is_chest();
     let links = &order.chain[..order.passed];
     let is_whole = is_trusted && order.length_mm >= WHOLE_MM * scale;

@@ -6,7 +6,7 @@ use crate::volume::{Grid, Volume};
 
 /// Maximum number of segments to order (the largest by volume).
 const ORDERED_AT_MOST: usize = 9;
-/// Cost of a millimetre between two segments that tagged fluid joins, or a narrow passage.
+/// Cost of a millimetre between two segments joined by tagged fluid.
 const FLUID_GAP: f64 = 0.3;
 /// Maximum length of a pool at an end, mm.
 const POOL_MM: f64 = 120.0;
@@ -76,8 +76,7 @@ impl Body {
     }
 }
 
-/// Input of the ordering: a segment's ends in any order, its length, and the segments that fluid or a narrow
-/// passage joins to it.
+/// Input of the ordering: a segment's ends in any order, its length, and the segments that fluid joins to it.
 #[derive(Clone, Debug)]
 pub(super) struct Link {
     pub ends: [DVec3; 2],
