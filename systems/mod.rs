@@ -11,6 +11,7 @@
 //! | `potential` | `Guide`, `Answer` | follows the potential of wall and target; weakens the wall in a trap |
 //! | `path` | `Guide`, `Answer` | keeps the body on a planned path; reports narrow places |
 //! | `manual` | `Guide` | leaves the steering to the operator |
+//! | `looks` | `Look` | chooses where the camera looks, one file each |
 //! | `mines` | `Force` | lays mines and computes their push |
 //! | `motion` | `Sum`, `Integrate` | adds up the forces; moves and turns the rigid body |
 //! | `play` | `Integrate` | replays a log, in place of `motion` |
@@ -29,6 +30,7 @@
 pub mod arrival;
 pub mod clock;
 pub mod log;
+pub mod looks;
 pub mod manual;
 pub mod mines;
 pub mod motion;

@@ -147,11 +147,10 @@ pub fn move_body(clock: Res<Clock>, walls: Single<&Walls, With<Main>>, camera: S
     let guided = flight.state == State::Flying && !hand.is_some_and(|h| h.is_in_control(clock.tick));
     let looking = hand.is_some_and(|h| clock.tick < h.looking_until);
     let turning = match guide.filter(|g| guided && !looking && g.look_direction != DVec3::ZERO) {
-        // Look where the guide sees the lumen open, blended with a little of the direction of motion, so that the view
-        // does not twitch between two similar openings. The operator may roll meanwhile, and the roll stays: the turn
-        // towards the path has no component about the view direction.
+        // The operator may roll meanwhile, and the roll stays: the turn towards the path has no component about the view
+        // direction.
         Some(guide) => {
-            let towards = Turning::towards(heading.0 * 0.25 + guide.look_direction, VIEW_S, VIEW_RATE);
+            let towards = Turning::towards(guide.look_direction, VIEW_S, VIEW_RATE);
             Turning { push: hand.map_or(DVec3::ZERO, |h| h.turning) * towards.drag, ..towards }
         }
         None => Turning::by_hand(hand.map_or(DVec3::ZERO, |h| h.turning), HAND_TURN_PER_S),

@@ -328,15 +328,6 @@ fn the_view_follows_the_path_critically_damped() {
 }
 
 #[test]
-fn the_view_is_drawn_a_quarter_by_the_heading() {
-    let (mut test, _) = body();
-    test.get_mut::<Heading>().0 = DVec3::X;
-    test.app.equip((look_at(0.0), Hand::default()));
-    test.steps(600).unwrap();
-    assert!((aside(&test) - 0.25f64.atan()).abs() < 1e-6, "{}", aside(&test));
-}
-
-#[test]
 fn the_view_follows_the_path_only_while_the_guide_flies_and_nobody_looks_aside() {
     let still = |flight: State, hand: Option<Hand>, ticks: u32| {
         let (mut test, _) = body();

@@ -9,14 +9,15 @@ use glam::DVec3;
 use crate::components::camera::{Body, Pose, Velocity};
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, HelpCall, State};
-use crate::components::guide::{GuideThrust, Planned};
+use crate::components::guide::{Gaze, GuideThrust, Planned};
 use crate::components::input::Hand;
 use crate::components::scan::{Centerline, Walls};
 use crate::dynamics;
 use crate::dynamics::route::follower::RouteFollower;
 use crate::dynamics::route::profile::PathSettings;
 use crate::error::{Error, Result};
-use crate::schedule::{App, FlightSystems, Guide, Main, Needs};
+use crate::schedule::{App, FlightSystems, Guide, Look, Main, Needs};
+use crate::systems::looks::way;
 
 /// Keeps the body on its plan.
 #[derive(Component, Clone, Debug)]
@@ -36,6 +37,7 @@ impl Guide for PathSettings {
     const NAME: &'static str = "path";
     const SUMMARY: &'static str = "follows the centerline";
     const KEY: Option<char> = Some('3');
+    const LOOK: Look = way::LOOK;
     const NEEDS: Needs = Needs { centerline: true, fluid_as_gas: true, ..Needs::NOTHING };
 
     fn needs(&self) -> Needs {
@@ -75,6 +77,7 @@ pub struct FollowingBody {
     planned: &'static mut Planned,
     follower: &'static mut PathFollower,
     guide: &'static mut GuideThrust,
+    gaze: Option<&'static Gaze>,
     hand: Option<&'static Hand>,
 }
 
@@ -82,7 +85,7 @@ pub struct FollowingBody {
 ///
 /// After an interruption, the plan is joined again at its nearest reachable position.
 pub fn guide_by_plan(clock: Res<Clock>, walls: Single<&Walls, With<Main>>, camera: Single<FollowingBody, With<Main>>) {
-    let FollowingBodyItem { pose, velocity, body, flight, mut planned, follower: mut held, mut guide, hand } =
+    let FollowingBodyItem { pose, velocity, body, flight, mut planned, follower: mut held, mut guide, gaze, hand } =
         camera.into_inner();
     let Planned { route, s_mm, jumps, .. } = &mut *planned;
     if held.jumps != *jumps {
@@ -101,7 +104,7 @@ pub fn guide_by_plan(clock: Res<Clock>, walls: Single<&Walls, With<Main>>, camer
         guide.thrust = *last * hand.filter(|_| away).map_or(0.0, Hand::share);
         return;
     }
-    let rate = hand.map_or(1.0, |h| h.speed);
+    let rate = hand.map_or(1.0, |h| h.speed) * gaze.map_or(1.0, Gaze::pace);
     let state = (pose.position, velocity.0);
     let order = follower.as_mut().and_then(|p| p.command(route, state, body.0.drag_per_s, rate, clock.dt()));
     let order = order.or_else(|| {

@@ -8,12 +8,13 @@ use glam::DVec3;
 use crate::components::camera::{Body, Pose};
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, HelpAnswered, HelpCall};
-use crate::components::guide::{Field, GuideThrust, PotentialField};
+use crate::components::guide::{Field, Gaze, GuideThrust, PotentialField};
 use crate::components::scan::{TargetDistances, WallDistances};
 use crate::dynamics::potential::ahead;
 use crate::dynamics::{self, Potential};
 use crate::error::{Error, Result};
-use crate::schedule::{App, FlightSystems, Guide, Main, Needs};
+use crate::schedule::{App, FlightSystems, Guide, Look, Main, Needs};
+use crate::systems::looks::way;
 
 /// Factor on the wall's strength in a trap, until the target's pull has led the body out.
 const YIELDING: f64 = 0.02;
@@ -36,6 +37,7 @@ impl Guide for Potential {
     const NAME: &'static str = "potential";
     const SUMMARY: &'static str = "the wall repels, the goal attracts";
     const KEY: Option<char> = Some('2');
+    const LOOK: Look = way::LOOK;
     const NEEDS: Needs = Needs { distances: true, fluid_as_gas: true, ..Needs::NOTHING };
 
     fn check(&self) -> Result<()> {
@@ -63,10 +65,14 @@ impl Guide for Potential {
 /// Directs the view towards the target. The potential itself acts in the body's step.
 pub fn guide_by_potential(
     clock: Res<Clock>,
-    camera: Single<(&Pose, &Body, &YieldingPotential, &mut PotentialField, &mut GuideThrust), With<Main>>,
+    camera: Single<
+        (&Pose, &Body, &YieldingPotential, Option<&Gaze>, &mut PotentialField, &mut GuideThrust),
+        With<Main>,
+    >,
 ) {
-    let (pose, body, settings, mut field, mut guide) = camera.into_inner();
+    let (pose, body, settings, gaze, mut field, mut guide) = camera.into_inner();
     field.potential = settings.potential;
+    field.potential.target_force *= gaze.map_or(1.0, Gaze::pace);
     if clock.tick < settings.yields_until {
         field.potential.wall_energy *= YIELDING;
     }

@@ -1,10 +1,10 @@
-//! The guides, renderers, cameras, shaders, overlays, detectors and plug-ins that a program offers.
+//! The guides, looks, renderers, cameras, shaders, overlays, detectors and plug-ins that a program offers.
 
 use crate::app::{Overlay, overlays};
 use crate::error::{Error, Result};
 use crate::polyps::{Detector, detectors};
 use crate::render::{CameraModel, Preset, ShaderModel, camera, presets, shaders};
-use crate::schedule::{Guide, Guides, Plugin, Plugins};
+use crate::schedule::{Guide, Guides, Look, Plugin, Plugins};
 use crate::systems;
 
 /// Everything that can be selected by name: the built-in entries and those that a program adds.
@@ -22,6 +22,8 @@ pub struct Catalog {
     pub shaders: Vec<ShaderModel>,
     /// Overlays of the window, toggled by their keys.
     pub overlays: Vec<Overlay>,
+    /// Where the camera looks, selected by `[view] look`.
+    pub looks: Vec<Look>,
     /// Detectors of polyps, selected by `candidates --detector`.
     pub detectors: Vec<Detector>,
     /// Plug-ins that take part in every flight.
@@ -39,6 +41,7 @@ impl Default for Catalog {
             cameras: camera::BUILT_IN.to_vec(),
             shaders: shaders::BUILT_IN.to_vec(),
             overlays: overlays::BUILT_IN.to_vec(),
+            looks: systems::looks::BUILT_IN.to_vec(),
             detectors: detectors::BUILT_IN.to_vec(),
             plugins: Plugins::default(),
             twice: Vec::new(),
@@ -85,6 +88,13 @@ impl Catalog {
         self
     }
 
+    /// Adds a look.
+    #[must_use]
+    pub fn look(mut self, look: Look) -> Self {
+        self.looks.push(look);
+        self
+    }
+
     /// Adds a detector.
     #[must_use]
     pub fn detector(mut self, detector: Detector) -> Self {
@@ -125,7 +135,7 @@ impl Catalog {
 }
 
 /// Tables and keywords of scene files that cannot be used as names.
-const RESERVED: [&str; 7] = ["plugins", "body", "mines", "watch", "render", "overlay", "none"];
+const RESERVED: [&str; 8] = ["plugins", "body", "mines", "watch", "view", "render", "overlay", "none"];
 
 impl Catalog {
     /// Returns the shader with that name.
@@ -146,6 +156,15 @@ impl Catalog {
         found.ok_or_else(|| no("overlay", name, self.overlays.iter().map(|o| o.name)))
     }
 
+    /// Returns the look with that name.
+    ///
+    /// # Errors
+    /// Returns status 2 if it does not exist.
+    pub fn find_look(&self, name: &str) -> Result<Look> {
+        let found = self.looks.iter().find(|l| l.name == name).copied();
+        found.ok_or_else(|| no("look", name, self.looks.iter().map(|l| l.name)))
+    }
+
     /// Returns the detector with that name.
     ///
     /// # Errors
@@ -156,7 +175,7 @@ impl Catalog {
     }
 
     /// Checks that every name and every key is unique. Guides, presets, cameras, shaders and plug-ins share one namespace, since
-    /// each may have a table in a scene file. Overlays have separate tables, and detectors none.
+    /// each may have a table in a scene file. Overlays have separate tables, looks and detectors none.
     ///
     /// # Errors
     /// Returns status 2 for the first name or key that is used twice, naming both owners.
@@ -175,6 +194,7 @@ impl Catalog {
         .concat();
         unique(&mut names)?;
         unique(&mut kinds("overlay", own(&mut self.overlays.iter().map(|o| o.name))))?;
+        unique(&mut kinds("look", own(&mut self.looks.iter().map(|l| l.name))))?;
         unique(&mut kinds("detector", own(&mut self.detectors.iter().map(|d| d.name))))?;
         let lower = |key: char| key.to_lowercase().to_string();
         let guides = self.guides.iter().filter_map(|g| Some((lower(g.key?), format!("guide {}", g.name))));

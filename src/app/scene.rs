@@ -19,7 +19,7 @@ use crate::dynamics::tentacles::{Drive, TentacleSettings};
 use crate::error::{Error, Result};
 use crate::panics::{ask_plugin, catch};
 use crate::render::{CameraModel, Options, ShaderModel};
-use crate::schedule::{App, Guide, GuideEntry, Guides, Needs, Plugin, Plugins, Slot};
+use crate::schedule::{App, Guide, GuideEntry, Guides, Look, Needs, Plugin, Plugins, Slot};
 use crate::systems;
 use crate::systems::present::{Presenters, Waiting};
 
@@ -52,6 +52,8 @@ pub struct Scene {
     pub steering: Steering,
     /// Every guide that the flight can be switched to, with its settings: the built-in ones and those that a program adds.
     pub guides: Guides,
+    /// Where the camera looks; `None` for the guide's own choice.
+    pub look: Option<Look>,
     /// The camera's body.
     pub body: Body,
     /// Mines behind the camera. They take part only if the camera has tentacles.
@@ -82,6 +84,7 @@ impl Default for Scene {
         Self {
             steering: Steering::Guide("tentacles"),
             guides: systems::guides(),
+            look: None,
             body: Body::default(),
             mines: Some(MineSettings::default()),
             watch: Some(MonitorSettings::default()),
@@ -128,12 +131,21 @@ struct SceneFile {
     #[serde(default)]
     watch: MonitorSettings,
     #[serde(default)]
+    view: ViewFile,
+    #[serde(default)]
     render: RenderFile,
     /// A table for each overlay.
     #[serde(default)]
     overlay: toml::Table,
     #[serde(flatten)]
     named: toml::Table,
+}
+
+/// The table `[view]` of a scene file.
+#[derive(Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct ViewFile {
+    look: Option<String>,
 }
 
 impl Scene {
@@ -187,8 +199,10 @@ impl Scene {
             overlays: overlay_options(file.overlay, catalog)?,
         };
         let (render, image) = file.render.settings(catalog, |name| options.of(name))?;
+        let look = file.view.look.map(|name| catalog.find_look(&name)).transpose()?;
         let mut scene = Self {
             guides,
+            look,
             mines: None,
             watch: None,
             body: file.body,
@@ -388,6 +402,11 @@ impl Scene {
                 match systems::guides().named(name) {
                     Some(_) => guide.plug(app)?,
                     None => app.on_account(name, |app| guide.plug(app))?,
+                }
+                let look = self.look.unwrap_or(guide.look);
+                match systems::looks::BUILT_IN.iter().any(|l| l.name == look.name) {
+                    true => (look.plug)(app)?,
+                    false => app.on_account(look.name, look.plug)?,
                 }
                 systems::motion::plugin(app)?;
             }

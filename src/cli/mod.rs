@@ -40,7 +40,7 @@ use crate::panics::{is_catching, note_place};
 use crate::polyps::Detector;
 use crate::progress::Progress;
 use crate::render::{CameraModel, Preset, ShaderModel};
-use crate::schedule::{Guide, Plugin};
+use crate::schedule::{Guide, Look, Plugin};
 use args::{Args, Command};
 pub use clap;
 use own::OwnCommand;
@@ -115,6 +115,12 @@ impl Program {
     #[must_use]
     pub fn overlay(self, overlay: Overlay) -> Self {
         Self { catalog: self.catalog.overlay(overlay), ..self }
+    }
+
+    /// Adds a choice of where the camera looks: to `[view] look` of scene files.
+    #[must_use]
+    pub fn look(self, look: Look) -> Self {
+        Self { catalog: self.catalog.look(look), ..self }
     }
 
     /// Adds a detector of polyps: to `candidates --detector`, and to `report candidates`, which measures it beside the others.

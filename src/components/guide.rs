@@ -81,6 +81,38 @@ impl Planned {
     }
 }
 
+/// How far along the way the view reaches: see [`look_along_way`](crate::systems::looks::way::look_along_way).
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[require(GuideThrust)]
+pub struct Gaze {
+    /// Distance along the way to the place that is looked at, mm.
+    pub reach_mm: f64,
+    /// The number of jumps of the plan handled so far; `None` before the first look.
+    pub jumps: Option<u32>,
+}
+
+impl Default for Gaze {
+    fn default() -> Self {
+        Self { reach_mm: Self::MOST_MM, jumps: None }
+    }
+}
+
+impl Gaze {
+    /// Minimum distance along the way that is looked at, mm: a nearer place has no steady direction.
+    pub const LEAST_MM: f64 = 6.0;
+    /// Maximum distance along the way that is looked at, mm.
+    pub const MOST_MM: f64 = 80.0;
+    /// With a shorter reach the flight slows down, mm …
+    const SLOW_MM: f64 = 25.0;
+    /// … at most to this share of its speed.
+    const SLOWEST: f64 = 0.4;
+
+    /// Returns the share of its speed at which a flight should go: less before a wall, where the view must turn first.
+    pub fn pace(&self) -> f64 {
+        (self.reach_mm / Self::SLOW_MM).clamp(Self::SLOWEST, 1.0)
+    }
+}
+
 /// Marks a camera that its guide moves automatically; its flight is watched. Absent if the guide leaves everything to the
 /// operator.
 #[derive(Component, Clone, Copy, Debug, Default)]

@@ -144,6 +144,23 @@ pub fn ahead(target: &dyn Distance, from: DVec3) -> DVec3 {
     sum.normalize_or_zero()
 }
 
+/// Returns places on the steepest descent of the distance to the target from `from` on (world mm), `step` mm apart. Beyond the target
+/// they go straight on.
+pub(crate) fn descent<const N: usize>(target: &dyn Distance, from: DVec3, step: f64) -> [DVec3; N] {
+    let (mut at, mut down, mut goes_on) = (from, DVec3::ZERO, true);
+    let mut places = [from; N];
+    for place in places.iter_mut().skip(1) {
+        let sample = target.sample(at).filter(|s| goes_on && s.mm > step);
+        match sample.map(|s| -s.gradient.normalize_or_zero()).filter(|d| *d != DVec3::ZERO) {
+            Some(steepest) => down = steepest,
+            None => goes_on = false,
+        }
+        at += down * step;
+        *place = at;
+    }
+    places
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -6,11 +6,12 @@ use std::sync::Arc;
 
 use serde::de::DeserializeOwned;
 
-use super::App;
+use super::{App, Look};
 use crate::dynamics::Body;
 use crate::error::Result;
 use crate::fields::centerline::CenterlineMethod;
 use crate::render::options::unread;
+use crate::systems::looks::ahead;
 
 /// The data to derive from the lumen before a guide can fly.
 ///
@@ -49,6 +50,8 @@ pub trait Guide: Clone + Debug + Default + DeserializeOwned + Send + Sync + 'sta
     const KEY: Option<char> = None;
     /// Data that must be built for this guide.
     const NEEDS: Needs = Needs::NOTHING;
+    /// Where the camera looks, unless the scene says otherwise.
+    const LOOK: Look = ahead::LOOK;
     /// True if the guide moves the camera automatically. Its flight is then watched.
     const AUTOMATIC: bool = true;
 
@@ -127,6 +130,8 @@ pub struct GuideEntry {
     pub key: Option<char>,
     /// [`Guide::needs`].
     pub needs: Needs,
+    /// [`Guide::LOOK`].
+    pub look: Look,
     /// [`Guide::AUTOMATIC`].
     pub automatic: bool,
     settings: Arc<dyn AnyGuide>,
@@ -139,6 +144,7 @@ impl GuideEntry {
             summary: G::SUMMARY,
             key: G::KEY,
             needs: settings.needs(),
+            look: G::LOOK,
             automatic: G::AUTOMATIC,
             settings: Arc::new(settings),
         }

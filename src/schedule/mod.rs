@@ -10,6 +10,7 @@ mod app;
 mod guide;
 mod inspect;
 mod ledger;
+mod look;
 mod plugin;
 mod sets;
 
@@ -17,5 +18,6 @@ pub use app::{App, LeftOut, Main, Slot};
 pub use guide::{Guide, GuideEntry, Guides, Needs};
 pub use inspect::Inspector;
 pub use ledger::{PluginTime, book_time, note, report_fault};
+pub use look::Look;
 pub use plugin::{Plugin, Plugins};
 pub use sets::{FlightSystems, Phase};

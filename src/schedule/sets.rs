@@ -15,6 +15,8 @@ pub enum FlightSystems {
     Sense,
     /// The guide chooses the direction. A slot: exactly one navigation method is plugged in.
     Guide,
+    /// Chooses where the camera looks.
+    Look,
     /// Computes all forces besides the guide's. Mines are laid before they push.
     Force,
     /// Adds up all forces.
@@ -56,10 +58,11 @@ pub enum Phase {
 
 impl FlightSystems {
     /// The sets of a simulation step, in order.
-    pub const STEP: [Self; 12] = [
+    pub const STEP: [Self; 13] = [
         Self::Input,
         Self::Sense,
         Self::Guide,
+        Self::Look,
         Self::Force,
         Self::Sum,
         Self::Integrate,

@@ -148,6 +148,12 @@ impl Route {
         })
     }
 
+    /// Returns the point after `s` mm of the path, world mm. Beyond its end the path goes straight on.
+    pub fn beyond(&self, s: f64) -> DVec3 {
+        let more = (s - self.length_mm()).max(0.0);
+        if more > 0.0 { self.place(s) + self.tangent(s) * more } else { self.place(s) }
+    }
+
     /// Returns the unit direction of the path at `s` mm, world; z if it has none.
     pub fn tangent(&self, s: f64) -> DVec3 {
         let derivative = self.blend(s, |t| {
@@ -261,6 +267,8 @@ mod tests {
         assert!((r.length_mm() - 0.8 * std::f64::consts::TAU * radius).abs() < 0.1);
         assert!(r.place(0.0).distance(line[0]) < 1e-9 && r.place(1e9).distance(line[399]) < 1e-9);
         assert_eq!(r.place(f64::NAN), r.place(0.0));
+        let (end, beyond) = (r.length_mm(), r.beyond(r.length_mm() + 7.0));
+        assert!(r.beyond(3.0) == r.place(3.0) && beyond.distance(r.place(end) + r.tangent(end) * 7.0) < 1e-9);
         for n in 0..=300 {
             let s = r.length_mm() * f64::from(n) / 300.0;
             let p = r.place(s);

@@ -1,11 +1,12 @@
 //! `report dynamics`: compares integrators of the rigid body (error against time, stability, conservation), and measures the cost
-//! of the clamp to free space and the number of tentacles and mines required. Each study has its own file.
+//! of the clamp to free space, the number of tentacles and mines required, and where the views look. Each study has its own file.
 
 mod clamp;
 mod conserved;
 mod contenders;
 #[cfg(test)]
 mod independent;
+mod looking;
 mod mines;
 mod precision;
 mod reference;
@@ -36,7 +37,7 @@ struct Subject {
 type Study = fn(&Subject, &mut Page, &Progress) -> Result<Vec<String>>;
 
 /// The studies in their order on the page. To add one, add a line here.
-const STUDIES: [(&str, Study); 8] = [
+const STUDIES: [(&str, Study); 9] = [
     ("error against time", precision::study),
     ("stability", stability::study),
     ("what is conserved", conserved::study),
@@ -45,6 +46,7 @@ const STUDIES: [(&str, Study); 8] = [
     ("tentacles", tentacles::study),
     ("mines", mines::study),
     ("repulsion alone", repulsion::study),
+    ("where the views look", looking::study),
 ];
 
 /// Runs all studies, with flights through a scan (and its title) if there is one, and writes the report into `folder`. Returns
