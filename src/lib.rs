@@ -118,6 +118,7 @@
 pub mod app;
 pub mod cli;
 pub mod components;
+pub mod coverage;
 pub mod dynamics;
 pub mod error;
 pub mod fields;

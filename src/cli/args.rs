@@ -155,9 +155,12 @@ pub struct FlyArgs {
     /// Write the flight's outcome, times and memory as JSON
     #[arg(long, value_name = "F.json")]
     pub stats: Option<PathBuf>,
-    /// Add the fraction of the wall that was seen to the stats
+    /// Add the fraction of the wall that was seen, and the patches that were missed, to the stats
     #[arg(long)]
     pub coverage: bool,
+    /// Write the wall as a mesh with the number of places from which each face was seen
+    #[arg(long, value_name = "F.ply")]
+    pub coverage_mesh: Option<PathBuf>,
     /// Record the operator's input
     #[arg(long, value_name = "F")]
     pub record_input: Option<PathBuf>,

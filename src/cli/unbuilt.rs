@@ -9,7 +9,7 @@ use crate::error::Error;
 /// Planned commands.
 const COMMANDS: [&str; 4] = ["unfold", "match", "dataset", "batch"];
 /// Planned options of built commands.
-const OPTIONS: [&str; 5] = ["--second", "--coverage-mesh", "--review", "--normals", "--truth"];
+const OPTIONS: [&str; 4] = ["--second", "--review", "--normals", "--truth"];
 /// Planned values of built options, and of the argument `<SUBJECT>`.
 const VALUES: [(&str, &str); 4] =
     [("--camera", "fisheye"), ("--camera", "panorama"), ("<SUBJECT>", "coverage"), ("<SUBJECT>", "unfold")];

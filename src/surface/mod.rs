@@ -31,3 +31,4 @@ pub use measure::Measures;
 pub use mesh::{Block, Mesh};
 pub use raster::Rasteriser;
 pub use write::MeshFormat;
+pub(crate) use write::{is_far, write_ply};

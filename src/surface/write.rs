@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::lumen::LumenMesh;
 use crate::error::{Error, Result};
@@ -55,7 +55,7 @@ impl LumenMesh {
     pub fn save(&self, path: &Path, progress: &Progress) -> Result<()> {
         let format = MeshFormat::of(path)?;
         progress.stage("writing the surface", (self.triangles.len()) as u64);
-        let far = self.places.iter().any(|p| (self.origin + p.as_dvec3()).abs().max_element() > NEAR_MM);
+        let far = is_far(self.origin, &self.places);
         if far && format == MeshFormat::Stl {
             let why =
                 format!("the scan lies more than {NEAR_MM} mm from the world's origin, too far for single precision");
@@ -89,34 +89,8 @@ impl LumenMesh {
     }
 
     fn ply(&self, w: &mut dyn Write, double: bool, progress: &Progress) -> io::Result<()> {
-        let kind = if double { "double" } else { "float" };
-        write!(
-            w,
-            "ply\nformat binary_little_endian 1.0\ncomment colvis: surface of the colon's lumen, mm LPS, normals out of \
-             the lumen\nelement vertex {}\nproperty {kind} x\nproperty {kind} y\nproperty {kind} z\nelement face {}\n\
-             property list uchar int vertex_indices\nend_header\n",
-            self.places.len(),
-            self.triangles.len()
-        )?;
-        for first in (0..self.places.len()).step_by(BATCH) {
-            for v in first..(first + BATCH).min(self.places.len()) {
-                let p = self.world(v as u32);
-                if double {
-                    p.to_array().into_iter().try_for_each(|x| w.write_all(&x.to_le_bytes()))?;
-                } else {
-                    write_single(w, p)?;
-                }
-            }
-            progress.check().map_err(io::Error::other)?;
-        }
-        for batch in self.triangles.chunks(BATCH) {
-            for t in batch {
-                w.write_all(&[3])?;
-                t.iter().try_for_each(|v| w.write_all(&v.to_le_bytes()))?;
-            }
-            progress.advance(batch.len() as u64).map_err(io::Error::other)?;
-        }
-        Ok(())
+        let about = "surface of the colon's lumen, mm LPS, normals out of the lumen";
+        write_ply(w, (self.origin, &self.places, &self.triangles), about, double, None, progress)
     }
 
     fn obj(&self, w: &mut dyn Write, progress: &Progress) -> io::Result<()> {
@@ -136,6 +110,53 @@ impl LumenMesh {
         }
         Ok(())
     }
+}
+
+/// Writes vertices, as offsets from an origin, and triangles as binary PLY, with a named number for each triangle if there are any.
+pub(crate) fn write_ply(
+    w: &mut dyn Write,
+    (origin, places, triangles): (DVec3, &[Vec3], &[[u32; 3]]),
+    about: &str,
+    double: bool,
+    numbers: Option<(&str, &dyn Fn(usize) -> u16)>,
+    progress: &Progress,
+) -> io::Result<()> {
+    let kind = if double { "double" } else { "float" };
+    let number = numbers.map_or_else(String::new, |(name, _)| format!("property ushort {name}\n"));
+    write!(
+        w,
+        "ply\nformat binary_little_endian 1.0\ncomment colvis: {about}\nelement vertex {}\nproperty {kind} x\n\
+         property {kind} y\nproperty {kind} z\nelement face {}\nproperty list uchar int vertex_indices\n{number}end_header\n",
+        places.len(),
+        triangles.len()
+    )?;
+    for batch in places.chunks(BATCH) {
+        for place in batch {
+            let p = origin + place.as_dvec3();
+            if double {
+                p.to_array().into_iter().try_for_each(|x| w.write_all(&x.to_le_bytes()))?;
+            } else {
+                write_single(w, p)?;
+            }
+        }
+        progress.check().map_err(io::Error::other)?;
+    }
+    for (first, batch) in (0..).step_by(BATCH).zip(triangles.chunks(BATCH)) {
+        for (n, t) in batch.iter().enumerate() {
+            w.write_all(&[3])?;
+            t.iter().try_for_each(|v| w.write_all(&v.to_le_bytes()))?;
+            if let Some((_, of)) = numbers {
+                w.write_all(&of(first + n).to_le_bytes())?;
+            }
+        }
+        progress.advance(batch.len() as u64).map_err(io::Error::other)?;
+    }
+    Ok(())
+}
+
+/// True if single precision cannot hold the places, which are offsets from an origin.
+pub(crate) fn is_far(origin: DVec3, places: &[Vec3]) -> bool {
+    places.iter().any(|p| (origin + p.as_dvec3()).abs().max_element() > NEAR_MM)
 }
 
 fn write_single(w: &mut dyn Write, p: DVec3) -> io::Result<()> {

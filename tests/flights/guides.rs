@@ -167,7 +167,13 @@ fn guides_change_in_flight_and_their_fields_come_and_go() {
 fn a_log_is_played_at_any_rate_on_the_same_path() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
-    run(&["fly", "--headless", "--guide", "path", "--log", &at("a.jsonl"), "--coverage", "--stats", &at("a.json")], 0);
+    let mesh = at("seen.ply");
+    let covering = ["--coverage", "--coverage-mesh", &mesh];
+    run(
+        &[&["fly", "--headless", "--guide", "path", "--log", &at("a.jsonl"), "--stats", &at("a.json")], &covering[..]]
+            .concat(),
+        0,
+    );
     let flown = read_log(Path::new(&at("a.jsonl")));
     let path: Vec<DVec3> = flown.iter().map(place).collect();
     for (rate, extra) in [("0.5", &[][..]), ("4", &[]), ("2", &["--reverse"])] {
@@ -209,6 +215,32 @@ fn a_log_is_played_at_any_rate_on_the_same_path() {
     let [one, both] = ["coverage", "coverage_both_ways"].map(|k| stats[k].as_f64().unwrap());
     println!("coverage {one:.3} one way, {both:.3} both ways");
     assert!(0.5 < one && one < both && both <= 1.0);
+    // The mesh tells the same: a number for each face, the last two bytes of its record.
+    let ply = std::fs::read(&mesh).unwrap();
+    let head = ply.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+    let text = String::from_utf8_lossy(&ply[..head]).into_owned();
+    let count = |element: &str| -> usize {
+        let line = text.lines().find_map(|l| l.strip_prefix(element)).unwrap();
+        line.trim().parse().unwrap()
+    };
+    let (vertices, faces) = (count("element vertex"), count("element face"));
+    assert_eq!(ply.len(), head + 12 * vertices + 15 * faces);
+    let number = |at: usize| f32::from_le_bytes(ply[at..at + 4].try_into().unwrap());
+    let vertex = |n: usize| DVec3::from_array([0, 4, 8].map(|b| f64::from(number(head + 12 * n + b))));
+    let (mut all, mut seen) = (0.0, 0.0);
+    for face in ply[head + 12 * vertices..].chunks(15) {
+        let [a, b, c] = [1, 5, 9].map(|at| vertex(u32::from_le_bytes(face[at..at + 4].try_into().unwrap()) as usize));
+        let mm2 = 0.5 * (b - a).cross(c - a).length();
+        all += mm2;
+        seen += if u16::from_le_bytes([face[13], face[14]]) > 0 { mm2 } else { 0.0 };
+    }
+    assert!((all / stats["wall_mm2"].as_f64().unwrap() - 1.0).abs() < 1e-4 && (seen / all - one).abs() < 1e-4);
+    let missed = stats["missed"].as_array().unwrap();
+    assert!(
+        missed.iter().all(|m| m["area_mm2"].as_f64().unwrap() >= 300.0 && m["look_from"].is_object()),
+        "{missed:?}"
+    );
+    run(&["fly", "--headless", "--seconds", "1", "--coverage-mesh", &at("seen.stl")], 2);
     for part in ["distance_s", "centerline_s"] {
         assert!(stats["prepare"][part].as_f64().unwrap() > 0.0, "{part}: {}", stats["prepare"]);
     }

@@ -246,6 +246,7 @@ fn the_whole_step_and_the_whole_frame_are_systems() {
             "take_commands",  // input
             "cast_tentacles", // sense
             "guide_by_tentacles",
+            "look_ahead",
             "lay_mines", // force
             "push_by_mines",
             "sum_forces",

@@ -2,18 +2,32 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
+
 use super::{FlightApp, Setup};
 use crate::components::flight::Flown;
 use crate::components::play::Playback;
 use crate::components::trail::Trail;
-use crate::error::Result;
-use crate::fields::lumen;
-use crate::render::{Coverage, coverage};
+use crate::coverage::{Coverage, Missed, Sight, Wall, missed};
+use crate::error::{Error, Result};
+use crate::fields::{ClearanceFinder, lumen};
+use crate::render::camera::Perspective;
 
 /// What a flight has covered until now, from [`FlightApp::survey`].
 #[derive(Clone, Copy)]
 pub struct Survey<'a> {
     pub(super) flight: &'a FlightApp,
+}
+
+/// What of the wall a flight has seen, from [`Survey::coverage`].
+#[derive(Clone, Debug)]
+pub struct Covered {
+    /// The wall.
+    pub wall: Wall,
+    /// What is seen of each of its triangles.
+    pub sights: Vec<Sight>,
+    /// The shares of its area.
+    pub coverage: Coverage,
 }
 
 impl<'a> Survey<'a> {
@@ -31,17 +45,29 @@ impl<'a> Survey<'a> {
         self.flight.camera()
     }
 
-    /// Returns the share of the wall seen, in the gas flown through: see [`crate::render::coverage()`]. `None` if that gas is not
-    /// known.
+    /// Returns what of the wall was seen, in the gas flown through: see [`crate::coverage`]. With `count`, all views that see a
+    /// triangle are counted, which takes longer. `None` if that gas is not known.
     ///
     /// # Errors
-    /// Returns status 4 if interrupted.
-    pub fn coverage(self, fov_degrees: f64) -> Result<Option<Coverage>> {
-        let places = self.trail().map_or(&[][..], Trail::views);
+    /// Returns status 2 if the view angle is none, status 4 if interrupted.
+    pub fn coverage(self, fov_degrees: f64, count: bool) -> Result<Option<Covered>> {
+        let camera =
+            Perspective::new(fov_degrees).map_err(|e| Error::usage("--fov", e.why, "give an angle such as 90"))?;
+        let views = self.trail().map_or(&[][..], Trail::views);
+        let volume = &self.flight.setup.volume;
+        let Some(wall) = self.wall()? else { return Ok(None) };
+        let sights = wall.seen(volume, views, &camera, count);
+        let coverage = wall.coverage(&sights);
+        Ok((!wall.is_empty()).then_some(Covered { wall, sights, coverage }))
+    }
+
+    /// Returns the wall of the gas flown through; `None` if that gas is not known.
+    fn wall(self) -> Result<Option<Wall>> {
+        let views = self.trail().map_or(&[][..], Trail::views);
         let FlightApp { setup: Setup { volume, lumen, plan, told, .. }, progress, .. } = self.flight;
         let mut gas = plan.gas.clone().unwrap_or_else(|| Arc::clone(lumen));
         if gas.segments.is_empty()
-            && let Some(first) = places.first()
+            && let Some(first) = views.first()
         {
             // A played log: the colon has not been segmented until now.
             gas = Arc::new(lumen::find_told(volume.voxels(), told, progress)?);
@@ -51,11 +77,24 @@ impl<'a> Survey<'a> {
                 gas = Arc::new(there);
             }
         }
-        let mut flown: Vec<usize> = places.iter().filter_map(|p| gas.segment_at(p.0)).collect();
+        let mut flown: Vec<usize> = views.iter().filter_map(|v| gas.segment_at(v.0)).collect();
         flown.sort_unstable();
         flown.dedup();
-        let walls = gas.wall_places(&flown);
-        Ok((!walls.is_empty()).then(|| coverage(volume, &walls, places, fov_degrees)))
+        if flown.is_empty() {
+            return Ok(None);
+        }
+        Wall::of(volume.voxels(), &gas, &flown, f64::from(volume.transfer().iso()), progress).map(Some)
+    }
+
+    /// Returns the patches that were not seen, at least 300 mm² large, the largest first.
+    pub fn missed(self, covered: &Covered) -> Vec<Missed> {
+        let way: Vec<DVec3> = self.trail().map_or(&[][..], Trail::views).iter().map(|v| v.0).collect();
+        let setup = &self.flight.setup;
+        let radius_mm = setup.scene.body.radius_mm;
+        let iso = setup.volume.transfer().iso() as f32;
+        let walls = ClearanceFinder::new(setup.volume.shared_voxels(), iso, radius_mm + 1.0);
+        let is_seen = |n: usize| covered.sights[n].ahead > 0;
+        missed::missed(&covered.wall, is_seen, missed::LEAST_MM2, &way, &walls, radius_mm)
     }
 
     /// Returns the share of the path behind the camera, 0 to 1, and the path's length, mm. They refer to the plan or the log that

@@ -16,6 +16,7 @@ use crate::cli::args::{FlyArgs, Global, ImageSize, Point};
 use crate::cli::prepare::{self, say};
 use crate::components::flight::State;
 use crate::components::play::Direction;
+use crate::coverage::Coverage;
 use crate::dynamics::STEP_HZ;
 use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
@@ -24,6 +25,7 @@ use crate::host::terminal::Bar;
 use crate::output;
 use crate::progress::Progress;
 use crate::render::{CameraModel, Light, Settings};
+use crate::surface::MeshFormat;
 use files::{read_commands, read_log, write_commands};
 
 /// Limit of a headless flight in simulated seconds, without `--seconds`.
@@ -108,9 +110,17 @@ fn check_files(args: &FlyArgs) -> Result<()> {
         return Err(Error::file(input, "does not exist", "check the name, or see colvis --help for the commands"));
     }
     check_apart(args)?;
+    if let Some(mesh) = &args.coverage_mesh
+        && MeshFormat::of(mesh).ok() != Some(MeshFormat::Ply)
+    {
+        let why = "a number on each face needs a .ply";
+        return Err(Error::usage(mesh.display().to_string(), why, "end it in .ply"));
+    }
     // A folder of images is made where it is not there.
     let film = args.record.as_ref().filter(|r| !r.ends_with('/')).map(PathBuf::from);
-    let outputs = [&args.log, &args.stats, &args.record_input, &film].into_iter().filter_map(|f| f.as_deref());
+    let outputs = [&args.log, &args.stats, &args.record_input, &args.coverage_mesh, &film]
+        .into_iter()
+        .filter_map(|f| f.as_deref());
     output::check_folders(&outputs.collect::<Vec<_>>())
 }
 
@@ -118,7 +128,9 @@ fn check_files(args: &FlyArgs) -> Result<()> {
 fn check_apart(args: &FlyArgs) -> Result<()> {
     let record = args.record.as_ref().map(PathBuf::from);
     let inputs = [&args.input, &args.replay, &args.scene, &args.play].into_iter().filter_map(|f| f.as_deref());
-    let outputs = [&args.log, &args.stats, &args.record_input, &record].into_iter().filter_map(|f| f.as_deref());
+    let outputs = [&args.log, &args.stats, &args.record_input, &args.coverage_mesh, &record]
+        .into_iter()
+        .filter_map(|f| f.as_deref());
     output::check_apart(&inputs.collect::<Vec<_>>(), &outputs.collect::<Vec<_>>())
 }
 
@@ -300,7 +312,7 @@ fn fly_with(
     let mut scene = scene(program, args, global, Screen::None)?;
     let overlays = overlays(program, args, &scene)?.into_iter().filter(|o| args.overlay.iter().any(|n| n == o.name));
     let overlays = overlays.collect();
-    let view = args.coverage.then(|| prepare::fov(global, CameraModel::default())).transpose()?;
+    let covering = Covering::asked(args, global)?;
     let commands = args.replay.as_deref().map(read_commands).transpose()?;
     if extent == Extent::Short && args.size.is_none() {
         (scene.image.width, scene.image.height) = (320, 320);
@@ -349,7 +361,7 @@ fn fly_with(
     let most = flight.setup().scene.play().map_or(HEADLESS_SECONDS, |p| p.takes_s() + 1.0);
     let (frames, flown) = headless::fly(&mut flight, args.seconds.unwrap_or(most), &outputs, progress);
     flight.take_notes().iter().for_each(|note| say(note));
-    let stats = stats(&flight, &timings, &frames, view.filter(|_| flown.is_ok()));
+    let stats = stats(&flight, &timings, &frames, covering.as_ref().filter(|_| flown.is_ok()));
     drop(bar);
     let left = stats.and_then(|stats| leave(args, &flight, &stats));
     flown.and(left)?;
@@ -376,12 +388,50 @@ fn report(flight: &FlightApp) {
     }
 }
 
-/// Stats of a flight; with a view angle (degrees) they include the coverage of the wall.
+/// What is asked about the wall that was seen.
+#[derive(Clone, Debug)]
+struct Covering {
+    fov_degrees: f64,
+    /// File for the wall with what was seen of it.
+    mesh: Option<PathBuf>,
+}
+
+impl Covering {
+    /// # Errors
+    /// Returns status 2 for a view angle that is none.
+    fn asked(args: &FlyArgs, global: &Global) -> Result<Option<Self>> {
+        if !args.coverage && args.coverage_mesh.is_none() {
+            return Ok(None);
+        }
+        let fov_degrees = prepare::fov(global, CameraModel::default())?;
+        Ok(Some(Self { fov_degrees, mesh: args.coverage_mesh.clone() }))
+    }
+
+    /// Adds the coverage to the stats, and writes the mesh.
+    fn add(&self, flight: &FlightApp, m: &mut serde_json::Map<String, serde_json::Value>) -> Result<()> {
+        let covered = flight.survey().coverage(self.fov_degrees, self.mesh.is_some())?;
+        let share = |of: fn(Coverage) -> f64| json!(covered.as_ref().map(|c| of(c.coverage)));
+        m.insert("coverage".to_owned(), share(|c| c.one_way));
+        m.insert("coverage_both_ways".to_owned(), share(|c| c.both_ways));
+        m.insert("wall_mm2".to_owned(), json!(covered.as_ref().map_or(0.0, |c| c.wall.mm2())));
+        m.insert("missed".to_owned(), json!(covered.as_ref().map_or_else(Vec::new, |c| flight.survey().missed(c))));
+        match (&self.mesh, &covered) {
+            (Some(path), Some(c)) => c.wall.save(path, &c.sights),
+            (Some(path), None) => {
+                say(&format!("{} is not written: no gas was flown through", path.display()));
+                Ok(())
+            }
+            (None, _) => Ok(()),
+        }
+    }
+}
+
+/// Stats of a flight, with the coverage of the wall if that is asked.
 fn stats(
     flight: &FlightApp,
     timings: &Timings,
     frames: &[FrameStats],
-    fov_degrees: Option<f64>,
+    covering: Option<&Covering>,
 ) -> Result<serde_json::Value> {
     let f = flight.flight();
     let mut m = prepare::stats_head(timings);
@@ -407,10 +457,8 @@ fn stats(
     if let Some(route) = setup.fields.route() {
         m.insert("names".to_owned(), json!(setup.lumen.names().on(route.points())));
     }
-    if let Some(fov) = fov_degrees {
-        let seen = flight.survey().coverage(fov)?;
-        m.insert("coverage".to_owned(), json!(seen.map(|c| c.one_way)));
-        m.insert("coverage_both_ways".to_owned(), json!(seen.map(|c| c.both_ways)));
+    if let Some(covering) = covering {
+        covering.add(flight, &mut m)?;
     }
     Ok(m.into())
 }
@@ -527,7 +575,8 @@ mod tests {
         let mut flight = FlightApp::new(volume, Arc::new(lumen), plan, Scene::default()).unwrap();
         flight.fly(0.2).unwrap();
         let covered = |degrees: f64| {
-            let stats = stats(&flight, &Timings::default(), &[], Some(degrees)).unwrap();
+            let stats =
+                stats(&flight, &Timings::default(), &[], Some(&Covering { fov_degrees: degrees, mesh: None })).unwrap();
             [&stats["coverage"], &stats["coverage_both_ways"]].map(|c| c.as_f64().unwrap())
         };
         let [ahead, both_ways] = covered(90.0);

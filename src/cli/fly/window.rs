@@ -12,12 +12,10 @@ use super::{Screen, flight, leave, leave_unflown, open, overlays, say, scene, st
 use crate::app::{FlightApp, Scene, Timings};
 use crate::cli::Program;
 use crate::cli::args::{FlyArgs, Global};
-use crate::cli::prepare;
 use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
 use crate::host::window::{self, Resume};
 use crate::progress::Progress;
-use crate::render::CameraModel;
 
 /// Flies in a window.
 pub(crate) fn fly(
@@ -51,6 +49,7 @@ pub(crate) fn fly(
             play: None,
             rate: None,
             coverage: false,
+            coverage_mesh: None,
             ..own_args.clone()
         };
         let global = Global { series, ..own_global.clone() };
@@ -111,11 +110,11 @@ fn opening(
         Ok(session.ready(flight))
     });
     let (finish_args, finish_timings) = (args.clone(), Arc::clone(timings));
-    let coverage = args.coverage.then(|| prepare::fov(global, CameraModel::default())).transpose()?;
+    let covering = super::Covering::asked(args, global)?;
     let finish = Box::new(move |flight: &FlightApp, frames: &[FrameStats], shown: &window::Shown| {
         flown.set(true);
         let timings = finish_timings.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut stats = stats(flight, &timings, frames, coverage)?;
+        let mut stats = stats(flight, &timings, frames, covering.as_ref())?;
         if let (serde_json::Value::Object(shown), Some(stats)) = (json!(shown), stats.as_object_mut()) {
             stats.extend(shown);
         }

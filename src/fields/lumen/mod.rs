@@ -22,7 +22,6 @@ mod others;
 mod position;
 pub(in crate::fields) mod residue;
 pub(in crate::fields) mod runs;
-mod surface;
 #[cfg(test)]
 mod tests;
 
@@ -45,7 +44,6 @@ pub use names::{NAMES, Names, Part};
 pub use others::{Other, Others, not_colon};
 pub use position::Lying;
 pub use residue::{Remnant, Residue, residue};
-pub use surface::WallPlace;
 
 /// A voxel at or below this is gas, HU: the middle of the wall's opacity ramp.
 pub const GAS_HU: i16 = -650;
@@ -366,6 +364,12 @@ impl Lumen {
             fluid,
             other,
         }
+    }
+
+    /// Returns a lumen of the gas of some segments alone, without fluid.
+    pub(crate) fn gas_of(&self, segments: &[usize]) -> Self {
+        let gas = self.gas.select(|l| segments.contains(&(l as usize)).then_some(l));
+        Self { segments: self.segments.clone(), ..Self::of_rows(&self.grid, gas, Rows::default()) }
     }
 
     /// Returns the segment whose gas contains a position (world, mm).

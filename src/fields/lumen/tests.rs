@@ -402,38 +402,3 @@ fn the_phantom_is_one_lumen_from_rectum_to_cecum() {
         assert!((length - truth.length_mm).abs() < 0.1 * truth.length_mm, "{length} is not {} mm", truth.length_mm);
     }
 }
-
-/// The faces of all wall places together are those of the lumen's voxels, however many voxels are looked at.
-#[test]
-fn the_places_of_the_wall_have_its_area() {
-    for spacing in [0.5, 1.0] {
-        let tube = |p: DVec3| if p.x.abs() < 10.0 && p.y.abs() < 8.0 && p.z.abs() < 40.0 { GAS } else { TISSUE };
-        let lumen = found(&scan(&grid_around(DVec3::new(50.0, 50.0, 110.0), DVec3::splat(spacing)), tube));
-        let area: f64 = lumen.wall_places(&[0]).iter().map(|p| p.mm2).sum();
-        let truth = 2.0 * (20.0 * 16.0 + 20.0 * 80.0 + 16.0 * 80.0);
-        assert!((area / truth - 1.0).abs() < 0.05, "{area} mm², not {truth}");
-    }
-}
-
-/// In a lumen so large that only every other voxel is looked at, each place stands for the wall of two.
-#[test]
-fn a_large_lumen_has_the_area_of_its_wall() {
-    // A box of 130 × 128 × 128 voxels of a millimetre, a voxel away from every border of the scan.
-    let dims = [132, 130, 130];
-    let slice = |k: usize| {
-        let inside = |j: usize| (1..129).contains(&j) && (1..129).contains(&k);
-        let lengths: Vec<u32> = (0..130).map(|j| u32::from(inside(j))).collect();
-        let runs = vec![Run { start: 1, end: 131, label: 0 }; lengths.iter().sum::<u32>() as usize];
-        (lengths, runs)
-    };
-    let gas = Rows::from_slices(dims, (0..130).map(slice).collect()).unwrap();
-    let grid = Grid::new(dims, DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
-    let lumen = Lumen::of_rows(&grid, gas, Rows::default());
-    let places = lumen.wall_places(&[0]);
-    let truth = 2.0 * (2.0 * 130.0 * 128.0 + 128.0 * 128.0);
-    let area: f64 = places.iter().map(|p| p.mm2).sum();
-    assert!((area / truth - 1.0).abs() < 0.03, "{area} mm², not {truth}");
-    // About half of the voxels with a face to the wall: fewer than faces, since those at edges have two.
-    assert!((0.45..0.55).contains(&(places.len() as f64 / truth)), "{} places", places.len());
-    assert!(lumen.wall_places(&[1]).is_empty());
-}

@@ -1,0 +1,183 @@
+//! Patches of the wall that were not seen, with a place to look at each from.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+
+use super::sight::{FLATTEST_DEGREES, REACH_MM};
+use super::wall::Wall;
+use crate::dynamics::Attitude;
+use crate::fields::{ClearanceFinder, Clearances};
+
+/// Minimum area of a patch that is told, mm²: a study of 223 patients counts patches from this area on.
+pub const LEAST_MM2: f64 = 300.0;
+/// Distances from a patch at which places to look from are tried, mm.
+const AWAY_MM: [f64; 6] = [6.0, 9.0, 13.0, 18.0, 24.0, 32.0];
+/// Directions to such places, for each distance.
+const WAYS: usize = 48;
+/// Minimum distance of such a place from the wall beyond the camera's radius, mm.
+const FREE_MM: f64 = 0.5;
+/// Triangles of a patch that are tried from each place, at most.
+const TRIED: usize = 64;
+
+/// A patch that was not seen.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Missed {
+    /// Area, mm².
+    pub area_mm2: f64,
+    /// The centroid of its triangle nearest to its middle, world mm.
+    pub position: DVec3,
+    /// Its mean unit normal into the gas, world.
+    pub normal: DVec3,
+    /// Distance along the flight of the view nearest to it, mm.
+    pub along_mm: f64,
+    /// Where most of it is seen from; `None` if no place was found where the camera fits.
+    pub look_from: Option<LookFrom>,
+    /// Its triangles.
+    #[serde(skip)]
+    pub triangles: Vec<u32>,
+}
+
+/// A view of a missed patch.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct LookFrom {
+    /// Position, world mm.
+    pub position: DVec3,
+    /// Unit view direction, world.
+    pub forward: DVec3,
+    /// Unit up direction, world.
+    pub up: DVec3,
+}
+
+/// Returns the patches of at least `least_mm2` for whose triangles `is_seen` is false, the largest first. Triangles that share an edge
+/// belong to one patch. `way` is the flight (world mm), and the camera has a radius of `radius_mm`.
+pub fn missed(
+    wall: &Wall,
+    is_seen: impl Fn(usize) -> bool,
+    least_mm2: f64,
+    way: &[DVec3],
+    walls: &ClearanceFinder,
+    radius_mm: f64,
+) -> Vec<Missed> {
+    let mut along = vec![0.0; way.len()];
+    for n in 1..way.len() {
+        along[n] = along[n - 1] + way[n].distance(way[n - 1]);
+    }
+    let mut found: Vec<Missed> = patches(wall, is_seen)
+        .into_iter()
+        .filter_map(|triangles| {
+            let mm2 = |n: &u32| f64::from(wall.areas[*n as usize]);
+            let area_mm2: f64 = triangles.iter().map(mm2).sum();
+            if area_mm2 < least_mm2 {
+                return None;
+            }
+            let weighed = |of: fn(&Wall, usize) -> DVec3| -> DVec3 {
+                triangles.iter().map(|n| of(wall, *n as usize) * mm2(n)).sum::<DVec3>()
+            };
+            let (middle, normal) = (weighed(Wall::centroid) / area_mm2, weighed(Wall::normal).normalize_or_zero());
+            let far = |n: &u32| wall.centroid(*n as usize).distance_squared(middle);
+            let nearest = *triangles.iter().min_by(|a, b| far(a).total_cmp(&far(b)))?;
+            let position = wall.centroid(nearest as usize);
+            let square = |n: &usize| way[*n].distance_squared(position);
+            let along_mm = (0..way.len()).min_by(|a, b| square(a).total_cmp(&square(b))).map_or(0.0, |n| along[n]);
+            let look_from = look_from(wall, &triangles, position, normal, walls, radius_mm);
+            Some(Missed { area_mm2, position, normal, along_mm, look_from, triangles })
+        })
+        .collect();
+    found.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
+    found
+}
+
+/// Returns the connected patches of triangles that were not seen, each in ascending order.
+fn patches(wall: &Wall, is_seen: impl Fn(usize) -> bool) -> Vec<Vec<u32>> {
+    let unseen: Vec<u32> = (0..wall.len() as u32).filter(|&n| !is_seen(n as usize)).collect();
+    let mut parent: Vec<u32> = (0..unseen.len() as u32).collect();
+    let find = |parent: &mut [u32], mut n: u32| {
+        while parent[n as usize] != n {
+            parent[n as usize] = parent[parent[n as usize] as usize];
+            n = parent[n as usize];
+        }
+        n
+    };
+    // Looked up by key only, so its order does not matter.
+    let mut sides: HashMap<[u32; 2], u32> = HashMap::with_capacity(3 * unseen.len() / 2);
+    for (n, &t) in unseen.iter().enumerate() {
+        let [a, b, c] = wall.triangles[t as usize];
+        for [p, q] in [[a, b], [b, c], [c, a]] {
+            let other = *sides.entry([p.min(q), p.max(q)]).or_insert(n as u32);
+            let (x, y) = (find(&mut parent, other), find(&mut parent, n as u32));
+            parent[x.max(y) as usize] = x.min(y);
+        }
+    }
+    let mut place = HashMap::new();
+    let mut patches: Vec<Vec<u32>> = Vec::new();
+    for (n, &t) in unseen.iter().enumerate() {
+        let root = find(&mut parent, n as u32);
+        let at = *place.entry(root).or_insert(patches.len());
+        if at == patches.len() {
+            patches.push(Vec::new());
+        }
+        patches[at].push(t);
+    }
+    patches
+}
+
+/// Returns the place from which most of a patch is seen in a picture of 90° that is directed at its middle, among places around it
+/// where the camera fits.
+fn look_from(
+    wall: &Wall,
+    triangles: &[u32],
+    position: DVec3,
+    normal: DVec3,
+    walls: &ClearanceFinder,
+    radius_mm: f64,
+) -> Option<LookFrom> {
+    let every = triangles.len().div_ceil(TRIED);
+    let some: Vec<(DVec3, DVec3, f64)> = triangles
+        .iter()
+        .step_by(every)
+        .map(|&n| (wall.centroid(n as usize), wall.normal(n as usize), f64::from(wall.areas[n as usize])))
+        .collect();
+    let flattest = FLATTEST_DEGREES.to_radians().cos();
+    let seen = |from: DVec3| -> f64 {
+        let view = Attitude::new(position - from, DVec3::Z);
+        let sees = |(at, normal, _): &&(DVec3, DVec3, f64)| {
+            let to = *at - from;
+            let d = to.length();
+            let [right, up, ahead] = [view.right(), view.up, view.forward].map(|axis| to.dot(axis));
+            if right.abs() > ahead || up.abs() > ahead {
+                return false;
+            }
+            // Ended a little before the wall, whose voxels would count.
+            d <= REACH_MM && -to.dot(*normal) > flattest * d && !walls.enters(from, *at - to * (0.6 / d.max(0.7)))
+        };
+        some.iter().filter(sees).map(|s| s.2).sum()
+    };
+    let mut best: Option<(f64, DVec3)> = None;
+    for away in AWAY_MM {
+        for n in 0..WAYS {
+            let from = position + hemisphere(n, normal) * away;
+            if walls.clearance(from).mm < radius_mm + FREE_MM {
+                continue;
+            }
+            // The nearer of two equal places.
+            let mm2 = seen(from);
+            if mm2 > 0.0 && best.is_none_or(|b| mm2 > b.0) {
+                best = Some((mm2, from));
+            }
+        }
+    }
+    let (_, from) = best?;
+    let attitude = Attitude::new(position - from, DVec3::Z);
+    Some(LookFrom { position: from, forward: attitude.forward, up: attitude.up })
+}
+
+/// Returns unit directions evenly on the half sphere around `normal`: the spiral of the golden angle.
+fn hemisphere(n: usize, normal: DVec3) -> DVec3 {
+    const GOLDEN: f64 = 2.399_963_229_728_653;
+    let height = 1.0 - (n as f64 + 0.5) / WAYS as f64;
+    let (sine, cosine) = (GOLDEN * n as f64).sin_cos();
+    let normal = normal.try_normalize().unwrap_or(DVec3::Z);
+    let (u, v) = normal.any_orthonormal_pair();
+    normal * height + (u * cosine + v * sine) * (1.0 - height * height).max(0.0).sqrt()
+}

@@ -1,0 +1,19 @@
+//! Coverage: the share of the colon's wall, by area, that a flight has seen, and what it has missed.
+//!
+//! The wall is the surface at the middle of the opacity ramp of the gas that is flown, in triangles ([`Wall`]). A triangle is seen from
+//! a view if its centroid is within [`REACH_MM`] and inside the picture, its normal is less than [`FLATTEST_DEGREES`] from the line to
+//! the camera, and that line, ended half a voxel before the centroid, crosses no wall ([`Wall::seen`]). Patches of the wall that share
+//! edges and were not seen are [`missed`].
+//!
+//! Where tagged fluid was not taken out, its surface is wall: it is what a reader sees.
+
+pub mod missed;
+mod sight;
+mod wall;
+
+pub use missed::Missed;
+pub use sight::{Coverage, FLATTEST_DEGREES, REACH_MM, Sight};
+pub use wall::Wall;
+
+#[cfg(test)]
+mod tests;

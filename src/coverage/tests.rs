@@ -1,0 +1,177 @@
+//! Coverage of shapes whose shadows are known in closed form.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use glam::{DMat3, DVec3};
+
+use super::missed::{self, LEAST_MM2};
+use super::{Coverage, Sight, Wall};
+use crate::dynamics::Attitude;
+use crate::fields::{ClearanceFinder, lumen};
+use crate::progress::Progress;
+use crate::render::camera::Perspective;
+use crate::space::{PreparedVolume, TransferFunction};
+use crate::volume::{Grid, Volume};
+
+/// A volume whose wall at −650 HU is where a signed distance (mm, negative in the gas) is 0, on a grid of `h` mm.
+fn volume([low, high]: [DVec3; 2], h: f64, distance: impl Fn(DVec3) -> f64) -> PreparedVolume {
+    let dims = ((high - low) / h).ceil().as_u64vec3().to_array().map(|n| n as usize);
+    let grid = Grid::new(dims, DVec3::splat(h), low, DMat3::IDENTITY).unwrap();
+    let hu = |n: usize| {
+        let v = [n % dims[0], n / dims[0] % dims[1], n / dims[0] / dims[1]];
+        let d = distance(grid.world(DVec3::from_array(v.map(|x| x as f64))));
+        (-650.0 + (d / h * 350.0).clamp(-350.0, 690.0)).round() as i16
+    };
+    let data = (0..grid.len()).map(hu).collect();
+    PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default())
+}
+
+fn wall(volume: &PreparedVolume, at: DVec3) -> Wall {
+    let gas = lumen::gas_at(volume.voxels(), at, &Progress::new()).unwrap().unwrap();
+    Wall::of(volume.voxels(), &gas, &[0], f64::from(volume.transfer().iso()), &Progress::new()).unwrap()
+}
+
+/// Views along z, from `from` to `to`, `step` mm apart.
+fn along_z([from, to]: [f64; 2], step: f64) -> Vec<(DVec3, Attitude)> {
+    let count = ((to - from) / step).round() as usize;
+    (0..=count).map(|n| (DVec3::Z * (from + step * n as f64), Attitude::new(DVec3::Z, DVec3::X))).collect()
+}
+
+fn seen(wall: &Wall, volume: &PreparedVolume, views: &[(DVec3, Attitude)], count: bool) -> (Vec<Sight>, Coverage) {
+    let sights = wall.seen(volume, views, &Perspective::new(90.0).unwrap(), count);
+    let coverage = wall.coverage(&sights);
+    (sights, coverage)
+}
+
+/// Radius of the tube and of the holes in its rings, the rings' thickness, and where each begins, mm.
+const R: f64 = 10.0;
+const HOLE: f64 = 7.0;
+const THICK: f64 = 2.0;
+const RINGS: [f64; 3] = [30.0, 52.0, 74.0];
+const LENGTH: f64 = 96.0;
+
+/// A tube from z = 0 to its length with three rings, each with a round hole.
+fn ringed(p: DVec3) -> f64 {
+    let r = p.truncate().length();
+    let tube = (r - R).max(-p.z).max(p.z - LENGTH);
+    RINGS.iter().fold(tube, |d, &z| {
+        let ring = (HOLE - r).max(z - p.z).max(p.z - z - THICK);
+        d.max(-ring)
+    })
+}
+
+/// Flying along the axis with a square picture of 90°, a place of the tube is seen from no nearer than `R m` before it, with `m` =
+/// max(|cos|, |sin|) of its angle about the axis. Behind a ring of height `h` a strip `h m` wide is therefore never seen (with similar
+/// triangles), and the ring's rear faces away. The mean of `m` is 2√2/π.
+#[test]
+fn a_ringed_tube_has_the_shadow_of_its_rings() {
+    let volume = volume([DVec3::new(-12.0, -12.0, -2.0), DVec3::new(12.0, 12.0, LENGTH + 2.0)], 0.25, ringed);
+    let wall = wall(&volume, DVec3::Z * 10.0);
+    let (h, m, begin) = (R - HOLE, 2.0 * 2f64.sqrt() / PI, 8.0);
+    let rings = RINGS.len() as f64;
+    let (annulus, bore) = (PI * (R * R - HOLE * HOLE), 2.0 * PI * HOLE * THICK);
+    let side = 2.0 * PI * R * (LENGTH - rings * THICK);
+    let all = side + 2.0 * PI * R * R + rings * (2.0 * annulus + bore);
+    assert!((wall.mm2() / all - 1.0).abs() < 0.01, "{} mm², not {all}", wall.mm2());
+    let start = 2.0 * PI * R * (begin + R * m) + PI * R * R;
+    let shadows = rings * (2.0 * PI * R * h * m + annulus);
+    let truth = 1.0 - (start + shadows) / all;
+    // Back from the same places, the strips before the rings, the first stretch and the first end are seen, too. The last stretch
+    // is seen on the way there.
+    let (_, coverage) = seen(&wall, &volume, &along_z([begin, LENGTH - 4.0], 0.25), false);
+    println!("{coverage:?}, truth {truth}");
+    assert!((coverage.one_way - truth).abs() < 0.01, "{} of the area, not {truth}", coverage.one_way);
+    assert!(coverage.both_ways > 0.985, "{}", coverage.both_ways);
+}
+
+#[test]
+fn counting_and_looking_for_one_agree_and_threads_change_nothing() {
+    let volume = volume([DVec3::new(-12.0, -12.0, -2.0), DVec3::new(12.0, 12.0, LENGTH + 2.0)], 0.8, ringed);
+    let wall = wall(&volume, DVec3::Z * 10.0);
+    let views = along_z([8.0, 90.0], 2.0);
+    let (first, one) = seen(&wall, &volume, &views, false);
+    let (all, counted) = seen(&wall, &volume, &views, true);
+    assert_eq!(one, counted);
+    assert!(first.iter().zip(&all).all(|(a, b)| a.ahead == b.ahead.min(1) && a.either == b.either));
+    assert!(all.iter().any(|s| s.ahead > 20));
+    let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    assert_eq!(alone.install(|| seen(&wall, &volume, &views, true)).0, all);
+    // Each alone, by the definition.
+    let by_hand = |n: usize| {
+        let sees = |(at, a): &&(DVec3, Attitude)| {
+            let to = wall.centroid(n) - *at;
+            let place = [a.right(), a.up, a.forward].map(|axis| to.dot(axis));
+            let inside = place[2] > 0.0 && place[0].abs() <= place[2] && place[1].abs() <= place[2];
+            let facing = -to.dot(wall.normal(n)) > 85f64.to_radians().cos() * to.length();
+            let free = crate::space::first_crossing(&volume, *at, to, to.length() - 0.4).is_none();
+            to.length() <= 100.0 && inside && facing && free
+        };
+        views.iter().filter(sees).count()
+    };
+    let differ = (0..wall.len()).step_by(7).filter(|&n| by_hand(n) != usize::from(all[n].ahead)).count();
+    assert!(differ <= 2, "{differ} triangles on the edge of a picture or of what faces the camera");
+}
+
+#[test]
+fn nothing_seen_and_nothing_to_see() {
+    let volume = volume([DVec3::splat(-12.0), DVec3::splat(12.0)], 0.8, |p| p.length() - 9.0);
+    let wall = wall(&volume, DVec3::ZERO);
+    let nowhere =
+        [(DVec3::NAN, Attitude::new(DVec3::Z, DVec3::X)), (DVec3::splat(1e300), Attitude::new(DVec3::Z, DVec3::X))];
+    for views in [&[][..], &nowhere] {
+        let (sights, coverage) = seen(&wall, &volume, views, true);
+        assert_eq!((coverage, sights.len()), (Coverage::default(), wall.len()));
+    }
+    let (sights, coverage) = seen(&Wall::default(), &volume, &nowhere, false);
+    assert!(sights.is_empty() && coverage == Coverage::default());
+    // A ball from its middle: a sixth of it, the square picture's solid angle.
+    let (_, coverage) = seen(&wall, &volume, &along_z([0.0, 0.0], 1.0), false);
+    assert!(
+        (coverage.one_way - 1.0 / 6.0).abs() < 0.01 && (coverage.both_ways - 1.0 / 3.0).abs() < 0.01,
+        "{coverage:?}"
+    );
+}
+
+/// A tube along z with a pocket of radius 6 mm that extends 30 mm along x from its axis.
+#[test]
+fn a_pocket_that_was_missed_is_told_with_a_place_to_look_from() {
+    let shape = |p: DVec3| {
+        let tube = (p.truncate().length() - R).max(-p.z).max(p.z - 100.0);
+        let pocket = ((p.z - 50.0).hypot(p.y) - 6.0).max(-p.x).max(p.x - 40.0);
+        tube.min(pocket)
+    };
+    let volume = volume([DVec3::new(-12.0, -12.0, -2.0), DVec3::new(42.0, 12.0, 102.0)], 0.6, shape);
+    let wall = wall(&volume, DVec3::Z * 10.0);
+    let views = along_z([2.0, 97.0], 1.0);
+    let way: Vec<DVec3> = views.iter().map(|v| v.0).collect();
+    let (sights, coverage) = seen(&wall, &volume, &views, false);
+    let walls = ClearanceFinder::new(volume.shared_voxels(), volume.transfer().iso() as f32, 3.0);
+    let missed = missed::missed(&wall, |n| sights[n].ahead > 0, LEAST_MM2, &way, &walls, 1.5);
+    let place = |p: DVec3| p.x > R;
+    let pocket = missed.iter().find(|m| place(m.position)).expect("the pocket's rear is not seen");
+    assert!(missed.is_sorted_by(|a, b| a.area_mm2 >= b.area_mm2) && missed.iter().all(|m| m.area_mm2 >= LEAST_MM2));
+    assert!((pocket.along_mm - 48.0).abs() < 8.0, "{}", pocket.along_mm);
+    let sum: f64 = pocket.triangles.iter().map(|&n| f64::from(wall.areas[n as usize])).sum();
+    assert!((sum - pocket.area_mm2).abs() < 1e-6 && pocket.normal.is_normalized());
+    assert!(pocket.triangles.iter().all(|&n| sights[n as usize].ahead == 0));
+    // From there, most of it is seen.
+    let from = pocket.look_from.unwrap();
+    assert!(
+        walls.at(from.position).mm >= 2.0 && from.forward.is_normalized() && from.up.dot(from.forward).abs() < 1e-9
+    );
+    let mut more = views.clone();
+    more.push((from.position, Attitude::new(from.forward, from.up)));
+    let (again, after) = seen(&wall, &volume, &more, false);
+    let left: f64 = pocket
+        .triangles
+        .iter()
+        .filter(|&&n| again[n as usize].ahead == 0)
+        .map(|&n| f64::from(wall.areas[n as usize]))
+        .sum();
+    assert!(left < 0.6 * pocket.area_mm2 && after.one_way > coverage.one_way, "{left} of {} mm² left", pocket.area_mm2);
+    // Everything seen: nothing is missed; nothing seen: all of the wall is one patch.
+    assert!(missed::missed(&wall, |_| true, 0.0, &way, &walls, 1.5).is_empty());
+    let all = missed::missed(&wall, |_| false, LEAST_MM2, &[], &walls, 1.5);
+    assert!(all.len() == 1 && (all[0].area_mm2 / wall.mm2() - 1.0).abs() < 1e-6 && all[0].along_mm == 0.0);
+}
