@@ -1,8 +1,7 @@
 //! Patches of the wall that were not seen, with a place to look at each from.
 
-use std::collections::HashMap;
-
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::sight::{FLATTEST_DEGREES, REACH_MM};
 use super::wall::Wall;
@@ -99,25 +98,28 @@ fn patches(wall: &Wall, is_seen: impl Fn(usize) -> bool) -> Vec<Vec<u32>> {
         }
         n
     };
-    // Looked up by key only, so its order does not matter.
-    let mut sides: HashMap<[u32; 2], u32> = HashMap::with_capacity(3 * unseen.len() / 2);
-    for (n, &t) in unseen.iter().enumerate() {
-        let [a, b, c] = wall.triangles[t as usize];
-        for [p, q] in [[a, b], [b, c], [c, a]] {
-            let other = *sides.entry([p.min(q), p.max(q)]).or_insert(n as u32);
-            let (x, y) = (find(&mut parent, other), find(&mut parent, n as u32));
-            parent[x.max(y) as usize] = x.min(y);
-        }
+    let mut sides: Vec<([u32; 2], u32)> = (0u32..)
+        .zip(&unseen)
+        .flat_map(|(n, &t)| {
+            let [a, b, c] = wall.triangles[t as usize];
+            [[a, b], [b, c], [c, a]].map(|[p, q]| ([p.min(q), p.max(q)], n))
+        })
+        .collect();
+    sides.par_sort_unstable();
+    for w in sides.windows(2).filter(|w| w[0].0 == w[1].0) {
+        let (x, y) = (find(&mut parent, w[0].1), find(&mut parent, w[1].1));
+        parent[x.max(y) as usize] = x.min(y);
     }
-    let mut place = HashMap::new();
+    // A root is the first of its patch.
+    let mut place = vec![0; unseen.len()];
     let mut patches: Vec<Vec<u32>> = Vec::new();
     for (n, &t) in unseen.iter().enumerate() {
-        let root = find(&mut parent, n as u32);
-        let at = *place.entry(root).or_insert(patches.len());
-        if at == patches.len() {
+        let root = find(&mut parent, n as u32) as usize;
+        if root == n {
+            place[n] = patches.len();
             patches.push(Vec::new());
         }
-        patches[at].push(t);
+        patches[place[root]].push(t);
     }
     patches
 }

@@ -29,7 +29,7 @@ fn volume([low, high]: [DVec3; 2], h: f64, distance: impl Fn(DVec3) -> f64) -> P
 
 fn wall(volume: &PreparedVolume, at: DVec3) -> Wall {
     let gas = lumen::gas_at(volume.voxels(), at, &Progress::new()).unwrap().unwrap();
-    Wall::of(volume.voxels(), &gas, &[0], f64::from(volume.transfer().iso()), &Progress::new()).unwrap()
+    Wall::of(volume.voxels(), &gas, &[0], volume.transfer().iso(), &Progress::new()).unwrap()
 }
 
 /// Views along z, from `from` to `to`, `step` mm apart.
@@ -160,7 +160,7 @@ fn a_pocket_that_was_missed_is_told_with_a_place_to_look_from() {
     assert!(
         walls.at(from.position).mm >= 2.0 && from.forward.is_normalized() && from.up.dot(from.forward).abs() < 1e-9
     );
-    let mut more = views.clone();
+    let mut more = views;
     more.push((from.position, Attitude::new(from.forward, from.up)));
     let (again, after) = seen(&wall, &volume, &more, false);
     let left: f64 = pocket

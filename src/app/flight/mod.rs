@@ -35,7 +35,7 @@ use crate::space::PreparedVolume;
 use crate::systems;
 
 pub use commands::CommandRecord;
-pub use survey::Survey;
+pub use survey::{Covered, Survey};
 #[cfg(feature = "window")]
 pub(crate) use told::{Onward, onward};
 pub use views::Views;

@@ -83,7 +83,7 @@ impl<'a> Survey<'a> {
         if flown.is_empty() {
             return Ok(None);
         }
-        Wall::of(volume.voxels(), &gas, &flown, f64::from(volume.transfer().iso()), progress).map(Some)
+        Wall::of(volume.voxels(), &gas, &flown, volume.transfer().iso(), progress).map(Some)
     }
 
     /// Returns the patches that were not seen, at least 300 mm² large, the largest first.

@@ -7,7 +7,6 @@ use std::path::PathBuf;
 
 use glam::{DMat3, DVec3};
 
-use super::runs::Run;
 use super::*;
 use crate::math::hash;
 
