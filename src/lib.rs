@@ -88,7 +88,7 @@
 //! - **Trap**: a place where a flight makes no progress, such as a blind end or a local minimum: [`dynamics::trap`].
 //! - **Rescue**: the attempt to leave a trap before the operator is called: [`dynamics::rescue`].
 //! - **Operator**: the person at the window, or a recorded input in that person's place.
-//! - **Coverage**: the share of the wall that was seen: [`render::Coverage`].
+//! - **Coverage**: the share of the wall that was seen: [`coverage`].
 //!
 //! The picture:
 //!

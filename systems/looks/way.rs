@@ -1,8 +1,8 @@
 //! Looks at the farthest point of the way that is still in sight.
 //!
 //! The way is the guide's plan, or the steepest descent of the distance to the target. How far along it the view reaches follows what
-//! is in sight at a bounded speed: the reach `r` grows by at most [`GROWS_MM_S`] where the place at `r` can be seen in a straight
-//! line, and shrinks by at most [`SHRINKS_MM_S`] where it cannot. It is continuous, and so is the direction from the camera to the
+//! is in sight at a bounded speed: the reach `r` grows by at most 90 mm/s where the place at `r` can be seen in a straight
+//! line, and shrinks by at most 180 mm/s where it cannot. It is continuous, and so is the direction from the camera to the
 //! place; the view turns there as a critically damped oscillator ([`Turning`](crate::dynamics::Turning)). In a bend this is the
 //! place before the way disappears behind the inner wall, so the view turns into the bend before the body does.
 
