@@ -13,7 +13,7 @@
 //! render
 //! components, schedule, surface
 //! polyps
-//! systems
+//! systems, coverage
 //! app, plane, testing
 //! host, report
 //! cli

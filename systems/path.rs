@@ -37,7 +37,7 @@ impl Guide for PathSettings {
     const NAME: &'static str = "path";
     const SUMMARY: &'static str = "follows the centerline";
     const KEY: Option<char> = Some('3');
-    const LOOK: Look = way::LOOK;
+    const LOOK: Option<Look> = Some(way::LOOK);
     const NEEDS: Needs = Needs { centerline: true, fluid_as_gas: true, ..Needs::NOTHING };
 
     fn needs(&self) -> Needs {

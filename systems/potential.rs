@@ -37,7 +37,7 @@ impl Guide for Potential {
     const NAME: &'static str = "potential";
     const SUMMARY: &'static str = "the wall repels, the goal attracts";
     const KEY: Option<char> = Some('2');
-    const LOOK: Look = way::LOOK;
+    const LOOK: Option<Look> = Some(way::LOOK);
     const NEEDS: Needs = Needs { distances: true, fluid_as_gas: true, ..Needs::NOTHING };
 
     fn check(&self) -> Result<()> {

@@ -403,7 +403,7 @@ impl Scene {
                     Some(_) => guide.plug(app)?,
                     None => app.on_account(name, |app| guide.plug(app))?,
                 }
-                let look = self.look.unwrap_or(guide.look);
+                let look = self.look.or(guide.look).unwrap_or(systems::looks::ahead::LOOK);
                 match systems::looks::BUILT_IN.iter().any(|l| l.name == look.name) {
                     true => (look.plug)(app)?,
                     false => app.on_account(look.name, look.plug)?,

@@ -11,7 +11,6 @@ use crate::dynamics::Body;
 use crate::error::Result;
 use crate::fields::centerline::CenterlineMethod;
 use crate::render::options::unread;
-use crate::systems::looks::ahead;
 
 /// The data to derive from the lumen before a guide can fly.
 ///
@@ -50,8 +49,8 @@ pub trait Guide: Clone + Debug + Default + DeserializeOwned + Send + Sync + 'sta
     const KEY: Option<char> = None;
     /// Data that must be built for this guide.
     const NEEDS: Needs = Needs::NOTHING;
-    /// Where the camera looks, unless the scene says otherwise.
-    const LOOK: Look = ahead::LOOK;
+    /// Where the camera looks, unless the scene says otherwise; `None` for where the guide steers.
+    const LOOK: Option<Look> = None;
     /// True if the guide moves the camera automatically. Its flight is then watched.
     const AUTOMATIC: bool = true;
 
@@ -131,7 +130,7 @@ pub struct GuideEntry {
     /// [`Guide::needs`].
     pub needs: Needs,
     /// [`Guide::LOOK`].
-    pub look: Look,
+    pub look: Option<Look>,
     /// [`Guide::AUTOMATIC`].
     pub automatic: bool,
     settings: Arc<dyn AnyGuide>,
