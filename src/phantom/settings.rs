@@ -122,6 +122,23 @@ impl PhantomSettings {
     pub fn embedded(seed: u64) -> Self {
         Self { size: Size::Small, seed, ..Self::default() }
     }
+
+    /// Settings of a patient with every kind of gas: a colon with pools and collapsed stretches, small bowel, a stomach and lungs, and
+    /// a pelvis.
+    pub fn with_all_gas(size: Size, seed: u64, position: Position) -> Self {
+        Self {
+            size,
+            seed,
+            position,
+            pools: true,
+            ileum: true,
+            stomach: true,
+            lungs: true,
+            collapsed: true,
+            pelvis: true,
+            ..Self::default()
+        }
+    }
 }
 
 impl Default for PhantomSettings {

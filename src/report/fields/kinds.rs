@@ -73,19 +73,7 @@ pub(super) fn phantoms(size: Size, name: &str, seeds: u64, progress: &Progress) 
     let mut all = Vec::new();
     for seed in 1..=seeds {
         let (position, expected, word) = POSITIONS[(seed as usize - 1) % POSITIONS.len()];
-        let settings = PhantomSettings {
-            size,
-            seed,
-            position,
-            pools: true,
-            ileum: true,
-            stomach: true,
-            lungs: true,
-            collapsed: true,
-            pelvis: true,
-            ..PhantomSettings::default()
-        };
-        let phantom = Phantom::new(&settings);
+        let phantom = Phantom::new(&PhantomSettings::with_all_gas(size, seed, position));
         let volume = phantom.voxelise(&phantom.grid(), progress)?;
         all.push(judged(format!("{name}, seed {seed}, {word}"), &phantom, &volume, expected, progress)?);
     }

@@ -11,18 +11,7 @@ use crate::volume::{PatientPosition, Volume};
 
 /// A phantom with every kind of gas.
 fn phantom(seed: u64, position: Position) -> Phantom {
-    Phantom::new(&PhantomSettings {
-        size: Size::Small,
-        seed,
-        position,
-        pools: true,
-        ileum: true,
-        stomach: true,
-        lungs: true,
-        collapsed: true,
-        pelvis: true,
-        ..PhantomSettings::default()
-    })
+    Phantom::new(&PhantomSettings::with_all_gas(Size::Small, seed, position))
 }
 
 #[test]
