@@ -12,8 +12,8 @@
 //! dynamics
 //! render
 //! components, schedule, surface
-//! polyps
-//! systems, coverage
+//! polyps, coverage
+//! systems
 //! app, plane, testing
 //! host, report
 //! cli

@@ -19,6 +19,7 @@
 //! | `arrival` | `Call` | marks flown segments; reports a goal beyond the gas |
 //! | `trail` | `Trail` | records where the flight has been |
 //! | `log` | `Log` | logs the step |
+//! | `coverage` | `Log` | watches what the flight has seen of the wall |
 //! | `clock` | `Clock` | counts the steps |
 //! | `raycast` | `RayCast` | traces the image |
 //! | `slices` | `Slices` | draws slices that have changed |
@@ -29,6 +30,7 @@
 
 pub mod arrival;
 pub mod clock;
+pub mod coverage;
 pub mod log;
 pub mod looks;
 pub mod manual;

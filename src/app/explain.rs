@@ -8,6 +8,7 @@ use crate::app::flight::views;
 use crate::app::{FlightApp, Setup};
 use crate::components::guide::{MineField, Tentacles};
 use crate::components::output::{FrameCache, Picture};
+use crate::coverage::LiveCoverage;
 use crate::fields::CenterlineMethod;
 use crate::render::{Leaping, MemoryPart};
 use crate::schedule::{LeftOut, PluginTime};
@@ -93,6 +94,9 @@ pub fn explain(flight: &FlightApp) -> Explanation {
     }
     if let Some(m) = flight.camera::<MineField>() {
         built.push(part("mines", m.settings.kept * size_of::<glam::DVec3>(), "the guide"));
+    }
+    if let Some(c) = flight.camera::<LiveCoverage>() {
+        built.push(part("wall and what was seen of it", c.bytes(), "coverage"));
     }
     if let Some(w) = fields.walls() {
         built.push(part("wall distance field", w.bytes(), "the guide: D_s, and D_t lies on it"));

@@ -70,6 +70,8 @@ pub struct Scene {
     pub presented: bool,
     /// True if steps are logged.
     pub log: bool,
+    /// True if it is watched what of the wall the flight has seen.
+    pub coverage: bool,
     /// True if an operator can take part: a window, or a recorded input.
     pub operator: bool,
     /// Plug-ins of other crates that take part in the flight.
@@ -93,6 +95,7 @@ impl Default for Scene {
             image: ImageSettings::default(),
             presented: false,
             log: false,
+            coverage: false,
             operator: false,
             plugins: Plugins::default(),
             options: SceneOptions::default(),
@@ -218,6 +221,7 @@ impl Scene {
                 "mines" => scene.mines = Some(file.mines),
                 "watch" => scene.watch = Some(file.watch),
                 "render" => scene.picture = true,
+                "coverage" => scene.coverage = true,
                 // Plug-ins take part in every flight of the program that has them.
                 name if scene.plugins.iter().any(|p| p.name() == name) => {}
                 name => match scene.guides.named(name) {
@@ -335,6 +339,13 @@ impl Scene {
             systems::log::plugin(app)?;
         } else {
             app.leave_out("log", "no --log was asked for");
+        }
+        if app.is_filled(Slot::Coverage) {
+            // It was added to a flight that was under way.
+        } else if self.coverage {
+            systems::coverage::plugin(app)?;
+        } else {
+            app.leave_out("coverage", "neither the scene nor a window asks what the flight has seen");
         }
         for (part, why) in [
             ("picture", "no window and no recording: no image is rendered"),

@@ -86,6 +86,8 @@ pub struct SliceView {
     pub patch: Option<Entity>,
     /// Colours over the bodies of gas.
     pub tint: Option<Arc<Tint>>,
+    /// The state of what a post-process draws over the image: another number draws the image anew. `None` if nothing does.
+    pub marks: Option<u64>,
     /// Width and height, pixels.
     pub size: [usize; 2],
     /// Maximum samples of the scan per frame; `None` for no limit.
@@ -104,6 +106,8 @@ pub struct SliceView {
     shown: Option<(Slice, Slab, Windowing, Option<Entity>)>,
     /// The colours of the current image.
     tinted: Option<Arc<Tint>>,
+    /// What was drawn over the current image.
+    marked: Option<u64>,
     /// While the image has larger pixels: the values of the fine image, and the number of its rows done so far.
     finer: Vec<f32>,
     rows: Option<usize>,
@@ -135,6 +139,7 @@ impl SliceView {
             slab: Slab::default(),
             patch: None,
             tint: None,
+            marks: None,
             size,
             budget: None,
             frame: Frame::default(),
@@ -143,6 +148,7 @@ impl SliceView {
             grey: Vec::new(),
             shown: None,
             tinted: None,
+            marked: None,
             finer: Vec::new(),
             rows: None,
         }
@@ -158,6 +164,7 @@ impl SliceView {
             slab: self.slab,
             patch: self.patch,
             tint: self.tint.clone(),
+            marks: self.marks,
             budget: self.budget,
             ..Self::new(self.orientation, self.size)
         }
@@ -216,9 +223,9 @@ impl SliceView {
         self.rows.is_some() || self.shown != Some(wanted) || !self.has_its_colours()
     }
 
-    /// True if the image has the colours that it should have.
+    /// True if the image has the colours and the marks that it should have.
     fn has_its_colours(&self) -> bool {
-        self.tint.as_ref().map(Arc::as_ptr) == self.tinted.as_ref().map(Arc::as_ptr)
+        self.marks == self.marked && self.tint.as_ref().map(Arc::as_ptr) == self.tinted.as_ref().map(Arc::as_ptr)
     }
 
     /// Draws the image if it is stale. `patch` is the volume of [`SliceView::patch`].
@@ -249,6 +256,7 @@ impl SliceView {
             tint.paint(&slice, &mut self.frame);
         }
         self.tinted.clone_from(&self.tint);
+        self.marked = self.marks;
         self.shown = Some(wanted);
     }
 

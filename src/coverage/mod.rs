@@ -7,11 +7,15 @@
 //!
 //! Where tagged fluid was not taken out, its surface is wall: it is what a reader sees.
 
+mod live;
 pub mod missed;
+mod paint;
 mod sight;
 mod wall;
 
+pub use live::LiveCoverage;
 pub use missed::Missed;
+pub use paint::{CoveragePaint, paint_slice};
 pub use sight::{Coverage, FLATTEST_DEGREES, REACH_MM, Sight};
 pub use wall::Wall;
 

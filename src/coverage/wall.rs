@@ -1,5 +1,6 @@
 //! The wall of the gas that is flown, as triangles that are seen or not.
 
+use std::ops::Range;
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
@@ -14,11 +15,16 @@ use crate::progress::Progress;
 use crate::surface::{LumenMesh, is_far, write_ply};
 use crate::volume::Volume;
 
-/// Side of the cells by which triangles are ordered, mm: those of one cell see about the same views.
-const CELL_MM: f32 = 6.0;
+/// Side of the cells whose triangles are a patch, mm.
+pub(super) const CELL_MM: f32 = 2.0;
+/// A block has this many cells on each side, as a power of two.
+const BLOCK_SHIFT: u32 = 2;
 
 /// The wall, a structure of arrays with an entry for each triangle. Triangles are ordered by place, so that neighbours in memory are
 /// neighbours on the wall.
+///
+/// Triangles of one cell of 2 mm that face about the same way are a *patch*, and the patches of 4 x 4 x 4 cells a *block*: what can
+/// be said of a patch or a block at once need not be asked of each of its triangles.
 #[derive(Clone, Debug, Default)]
 pub struct Wall {
     pub(super) origin: DVec3,
@@ -31,6 +37,29 @@ pub struct Wall {
     pub(super) normals: Vec<Vec3>,
     /// Areas, mm².
     pub(super) areas: Vec<f32>,
+    /// The patches, and in the end the one after the last, without triangles.
+    pub(super) patches: Vec<Patch>,
+    /// The blocks, in the same manner.
+    pub(super) blocks: Vec<Block>,
+}
+
+/// Triangles of a cell that face about the same way.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Patch {
+    /// Its first triangle; the next patch begins after its last.
+    pub first: u32,
+    /// The triangle whose centroid is nearest to the middle.
+    pub middle: u32,
+}
+
+/// Patches of some cells.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Block {
+    /// Its first patch; the next block begins after its last.
+    pub first: u32,
+    /// The box around the centroids of its triangles, mm from the origin.
+    pub low: Vec3,
+    pub high: Vec3,
 }
 
 impl Wall {
@@ -46,24 +75,103 @@ impl Wall {
     /// Takes the triangles of a mesh, whose normals point out of the gas.
     pub fn of_mesh(mesh: LumenMesh) -> Self {
         let (origin, places, mut triangles) = mesh.into_parts();
-        let centroid = |t: &[u32; 3]| t.iter().map(|&v| places[v as usize]).sum::<Vec3>() / 3.0;
-        let key = |t: &[u32; 3]| {
-            let c = (centroid(t) / CELL_MM).floor().as_ivec3();
-            (interleave(c.to_array()), *t)
-        };
-        triangles.par_sort_by_cached_key(key);
-        let measures = triangles.par_iter().map(|t| {
+        let measures = |t: &[u32; 3]| {
             let [a, b, c] = t.map(|v| places[v as usize]);
             let across = (b - a).cross(c - a);
-            (centroid(t), -across.normalize_or_zero(), 0.5 * across.length())
-        });
+            ((a + b + c) / 3.0, -across.normalize_or_zero(), 0.5 * across.length())
+        };
+        let key = |t: &[u32; 3]| {
+            let (centroid, normal, _) = measures(t);
+            (interleave((centroid / CELL_MM).floor().as_ivec3().to_array()), side(normal), *t)
+        };
+        triangles.par_sort_by_cached_key(key);
         let (mut centroids, mut normals, mut areas) = (Vec::new(), Vec::new(), Vec::new());
-        for (c, n, a) in measures.collect::<Vec<_>>() {
+        for (c, n, a) in triangles.par_iter().map(measures).collect::<Vec<_>>() {
             centroids.push(c);
             normals.push(n);
             areas.push(a);
         }
-        Self { origin, places, triangles, centroids, normals, areas }
+        let mut wall = Self { origin, places, triangles, centroids, normals, areas, patches: vec![], blocks: vec![] };
+        wall.part();
+        wall
+    }
+
+    /// Returns the wall of some patches.
+    pub(super) fn only(&self, keeps: impl Fn(usize) -> bool) -> Self {
+        let kept: Vec<usize> =
+            (0..self.patch_count()).filter(|&p| keeps(p)).flat_map(|p| self.triangles_of(p)).collect();
+        let mut number = vec![u32::MAX; self.places.len()];
+        kept.iter().flat_map(|&n| self.triangles[n]).for_each(|v| number[v as usize] = 0);
+        let mut places = Vec::new();
+        for (n, v) in number.iter_mut().enumerate().filter(|(_, n)| **n == 0) {
+            *v = places.len() as u32;
+            places.push(self.places[n]);
+        }
+        let mut wall = Self {
+            origin: self.origin,
+            places,
+            triangles: kept.iter().map(|&n| self.triangles[n].map(|v| number[v as usize])).collect(),
+            centroids: kept.iter().map(|&n| self.centroids[n]).collect(),
+            normals: kept.iter().map(|&n| self.normals[n]).collect(),
+            areas: kept.iter().map(|&n| self.areas[n]).collect(),
+            ..Self::default()
+        };
+        wall.part();
+        wall
+    }
+
+    /// Finds the patches and the blocks.
+    fn part(&mut self) {
+        let mut last = None;
+        for n in 0..self.len() {
+            let cell = interleave((self.centroids[n] / CELL_MM).floor().as_ivec3().to_array());
+            let now = (cell, side(self.normals[n]));
+            let block = |cell: u64| cell >> (3 * BLOCK_SHIFT);
+            if last.is_none_or(|(before, _)| block(before) != block(cell)) {
+                let first = self.patches.len() as u32;
+                self.blocks.push(Block { first, low: Vec3::INFINITY, high: Vec3::NEG_INFINITY });
+            }
+            if last != Some(now) {
+                self.patches.push(Patch { first: n as u32, middle: n as u32 });
+            }
+            if let Some(block) = self.blocks.last_mut() {
+                (block.low, block.high) = (block.low.min(self.centroids[n]), block.high.max(self.centroids[n]));
+            }
+            last = Some(now);
+        }
+        let (all, patches) = (self.len() as u32, self.patches.len() as u32);
+        self.patches.push(Patch { first: all, middle: all });
+        self.blocks.push(Block { first: patches, low: Vec3::ZERO, high: Vec3::ZERO });
+        let middles: Vec<u32> = (0..patches as usize)
+            .into_par_iter()
+            .map(|p| {
+                let these = self.triangles_of(p);
+                let middle = self.centroids[these.clone()].iter().sum::<Vec3>() / these.len().max(1) as f32;
+                let far = |n: &usize| self.centroids[*n].distance_squared(middle);
+                these.min_by(|a, b| far(a).total_cmp(&far(b))).unwrap_or_default() as u32
+            })
+            .collect();
+        self.patches.iter_mut().zip(middles).for_each(|(p, middle)| p.middle = middle);
+    }
+
+    /// Returns the triangles of a patch.
+    pub(super) fn triangles_of(&self, patch: usize) -> Range<usize> {
+        self.patches[patch].first as usize..self.patches[patch + 1].first as usize
+    }
+
+    /// Returns the patches of a block.
+    pub(super) fn patches_of(&self, block: usize) -> Range<usize> {
+        self.blocks[block].first as usize..self.blocks[block + 1].first as usize
+    }
+
+    /// Returns the number of patches.
+    pub(super) fn patch_count(&self) -> usize {
+        self.patches.len().saturating_sub(1)
+    }
+
+    /// Returns the number of blocks.
+    pub(super) fn block_count(&self) -> usize {
+        self.blocks.len().saturating_sub(1)
     }
 
     /// Returns the number of triangles.
@@ -114,7 +222,15 @@ impl Wall {
             + size_of_val(self.centroids.as_slice())
             + size_of_val(self.normals.as_slice())
             + size_of_val(self.areas.as_slice())
+            + size_of_val(self.patches.as_slice())
+            + size_of_val(self.blocks.as_slice())
     }
+}
+
+/// Returns the axis and the sign of a normal's largest part, 0 to 5.
+fn side(normal: Vec3) -> u8 {
+    let axis = normal.abs().max_position();
+    2 * axis as u8 + u8::from(normal[axis] < 0.0)
 }
 
 /// Interleaves the low 21 bits of three numbers (Morton 1966), so that what is near in space is near in the order.

@@ -29,6 +29,10 @@ pub enum Slot {
     Slices,
     /// The system that passes pictures to their presenters.
     Presentation,
+    /// The system that watches what of the wall is seen.
+    Coverage,
+    /// The system that paints what was not.
+    CoveragePaint,
     /// The system that restores the size of pictures after post-processes.
     PictureSize,
 }

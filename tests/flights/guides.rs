@@ -215,6 +215,9 @@ fn a_log_is_played_at_any_rate_on_the_same_path() {
     let [one, both] = ["coverage", "coverage_both_ways"].map(|k| stats[k].as_f64().unwrap());
     println!("coverage {one:.3} one way, {both:.3} both ways");
     assert!(0.5 < one && one < both && both <= 1.0);
+    // So is what was watched on the way, of a sample of the wall.
+    let live = stats["coverage_live"].as_f64().unwrap();
+    assert!((live - one).abs() < 0.005, "{live} while flying, {one} afterwards");
     // The mesh tells the same: a number for each face, the last two bytes of its record.
     let ply = std::fs::read(&mesh).unwrap();
     let head = ply.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;

@@ -131,6 +131,19 @@ fn the_program_explains() {
 }
 
 #[test]
+fn coverage_is_explained_where_it_is_watched_and_where_it_is_not() {
+    for (asked, there) in [(&["--coverage"][..], true), (&[], false)] {
+        let out = run(&[&["explain", "--headless", "--json"], asked].concat(), 0);
+        let told: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+        let has =
+            |list: &str, part: &str| told[list].as_array().unwrap().iter().any(|b| b == part || b["part"] == part);
+        assert_eq!(has("step", "coverage::watch_wall"), there, "{told}");
+        assert_eq!(has("built", "wall and what was seen of it"), there);
+        assert_eq!(has("left_out", "coverage"), !there);
+    }
+}
+
+#[test]
 fn a_frame_cache_is_there_where_the_preset_reuses() {
     let explain = |preset: &str| {
         let args = ["explain", "--headless", "--json", "--scene", "assets/scenes/render.toml", "--size", "48x32"];

@@ -10,13 +10,16 @@ use crate::app::scene::Scene;
 use crate::components::camera::{AngularMomentum, Body, Contact, Heading, Pose, Velocity};
 use crate::components::flight::{Flight, Flown, Goal, GoalMissed};
 use crate::components::guide::{Automatic, GuideThrust, Planned};
+use crate::components::output::Picture;
 use crate::components::play::Playback;
 use crate::components::scan::{Centerline, TargetDistances, WallDistances, Walls};
 use crate::components::trail::Trail;
+use crate::coverage::{CoveragePaint, LiveCoverage};
 use crate::dynamics::Attitude;
 use crate::error::Result;
 use crate::fields::ClearanceFinder;
-use crate::schedule::App;
+use crate::schedule::{App, Slot};
+use crate::systems;
 
 /// Reach of the clearance search, mm. Logged clearances are exact up to 10 mm, so it is slightly larger.
 const CLEARANCE_MM: f64 = 11.0;
@@ -27,6 +30,9 @@ impl FlightApp {
     /// The fields that it needs are built.
     pub(super) fn rebuild(&mut self) -> Result<()> {
         self.equip_scan();
+        if self.setup.scene.coverage {
+            self.equip_coverage()?;
+        }
         let [other, goal] = &self.setup.plan.ends;
         let goal = Goal { at: goal.at, within_mm: goal.within_mm, other_end: other.at };
         let Self { app, setup: Setup { scene, plan, .. }, .. } = self;
@@ -53,6 +59,60 @@ impl FlightApp {
         }
         if let Some(route) = self.setup.fields.route() {
             scan.insert(Centerline(Arc::clone(route)));
+        }
+    }
+
+    /// Builds the wall of the gas that is flown through, unless it is the same as before.
+    fn equip_coverage(&mut self) -> Result<()> {
+        let Setup { volume, lumen, plan, .. } = &self.setup;
+        let gas = plan.gas.as_ref().unwrap_or(lumen);
+        if !self.camera::<LiveCoverage>().is_some_and(|c| c.is_of(gas)) {
+            let mut coverage = LiveCoverage::of(volume, gas, &self.progress)?;
+            // In another lumen the views until now have seen another wall.
+            let views = self.camera::<Trail>().map_or(&[][..], Trail::views);
+            coverage.catch_up(volume, views, self.clock().seconds());
+            self.app.camera().insert(coverage);
+        }
+        Ok(())
+    }
+
+    /// Watches from now on what the flight sees of the wall. `coverage` is of this flight's gas, and may already have taken views of
+    /// it.
+    ///
+    /// # Errors
+    /// Returns the errors of any change of the schedule.
+    pub fn watch_coverage(&mut self, coverage: LiveCoverage) -> Result<()> {
+        self.app.camera().insert(coverage);
+        self.setup.scene.coverage = true;
+        if !self.app.is_filled(Slot::Coverage) {
+            systems::coverage::plugin(&mut self.app)?;
+            self.app.take_in("coverage");
+            self.app.build()?;
+        }
+        Ok(())
+    }
+
+    /// Paints from now on what was not seen over the camera's picture and over slices with marks, or stops it. Returns the paint that
+    /// was there before.
+    ///
+    /// # Errors
+    /// Returns the errors of any change of the schedule.
+    pub fn paint_coverage(&mut self, paint: Option<CoveragePaint>) -> Result<Option<CoveragePaint>> {
+        let before = self.app.camera().take::<CoveragePaint>();
+        if let Some(paint) = paint {
+            self.app.camera().insert(paint);
+            if !self.app.is_filled(Slot::CoveragePaint) {
+                systems::coverage::paint_plugin(&mut self.app)?;
+                self.app.build()?;
+            }
+        }
+        Ok(before)
+    }
+
+    /// Renders the camera's picture anew in the next frame although it has not changed, because what is painted over it has.
+    pub fn mark_picture(&mut self) {
+        if let Some(mut picture) = self.camera_mut::<Picture>() {
+            picture.due = true;
         }
     }
 

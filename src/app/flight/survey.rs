@@ -8,7 +8,7 @@ use super::{FlightApp, Setup};
 use crate::components::flight::Flown;
 use crate::components::play::Playback;
 use crate::components::trail::Trail;
-use crate::coverage::{Coverage, Missed, Sight, Wall, missed};
+use crate::coverage::{Coverage, LiveCoverage, Missed, Sight, Wall, missed};
 use crate::error::{Error, Result};
 use crate::fields::{ClearanceFinder, lumen};
 use crate::render::camera::Perspective;
@@ -82,6 +82,9 @@ impl<'a> Survey<'a> {
         flown.dedup();
         if flown.is_empty() {
             return Ok(None);
+        }
+        if let Some(live) = self.flight.camera::<LiveCoverage>().filter(|l| l.is_of(&gas)) {
+            return Ok(Some(live.wall_of(&flown)));
         }
         Wall::of(volume.voxels(), &gas, &flown, volume.transfer().iso(), progress).map(Some)
     }

@@ -16,7 +16,7 @@ use crate::cli::args::{FlyArgs, Global, ImageSize, Point};
 use crate::cli::prepare::{self, say};
 use crate::components::flight::State;
 use crate::components::play::Direction;
-use crate::coverage::Coverage;
+use crate::coverage::{Coverage, LiveCoverage};
 use crate::dynamics::STEP_HZ;
 use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
@@ -168,6 +168,7 @@ pub(crate) fn scene(program: &Program, args: &FlyArgs, global: &Global, screen: 
     scene.image.preset = prepare::preset(program, args.preset.as_deref(), scene.image.preset)?;
     scene.image.settings.options = scene.options.of(scene.image.preset.name);
     scene.log = args.log.is_some();
+    scene.coverage |= args.coverage || args.coverage_mesh.is_some();
     scene.operator = windowed || args.replay.is_some() || args.record_input.is_some();
     if scene.picture {
         scene.image = image_settings(program, args, global, &scene, screen)?;
@@ -413,6 +414,9 @@ impl Covering {
         let share = |of: fn(Coverage) -> f64| json!(covered.as_ref().map(|c| of(c.coverage)));
         m.insert("coverage".to_owned(), share(|c| c.one_way));
         m.insert("coverage_both_ways".to_owned(), share(|c| c.both_ways));
+        if let Some(live) = flight.camera::<LiveCoverage>() {
+            m.insert("coverage_live".to_owned(), json!(live.share()));
+        }
         m.insert("wall_mm2".to_owned(), json!(covered.as_ref().map_or(0.0, |c| c.wall.mm2())));
         m.insert("missed".to_owned(), json!(covered.as_ref().map_or_else(Vec::new, |c| flight.survey().missed(c))));
         match (&self.mesh, &covered) {

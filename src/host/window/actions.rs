@@ -76,6 +76,8 @@ pub(crate) enum WindowRequest {
     Open,
     /// Show or hide the kinds of gas in the slices, and their panel.
     Kinds,
+    /// Paint or stop painting what of the wall was not seen, and show or hide its panel.
+    Seen,
     /// Show the layout with this number.
     Layout(usize),
     /// Show or hide the panel with this number.
@@ -107,6 +109,10 @@ fn has_list(c: &FlightController) -> std::result::Result<(), &'static str> {
 
 fn has_body(c: &FlightController) -> std::result::Result<(), &'static str> {
     c.kinds().may_tell()
+}
+
+fn may_see_missed(c: &FlightController) -> std::result::Result<(), &'static str> {
+    c.may_see_missed()
 }
 
 fn shows_slices(c: &FlightController) -> std::result::Result<(), &'static str> {
@@ -278,6 +284,16 @@ const TABLE: &[Row] = &[
     kind("kind-trachea", "this gas is trachea", "Ctrl+T", |c, at| c.tell_kind(Some(GasKind::Trachea), at.now)),
     kind("kind-unknown", "this gas may be colon", "Ctrl+D", |c, at| c.tell_kind(Some(GasKind::Unknown), at.now)),
     kind("kind-as-judged", "this gas is what it was judged to be", "Ctrl+G", |c, at| c.tell_kind(None, at.now)),
+    Row {
+        effect: Effect::Window(WindowRequest::Seen),
+        row: SEEN_ROW,
+        ..once("unseen", "paint the wall that was not seen", "Ctrl+E", |_, _| {})
+    },
+    Row {
+        row: SEEN_ROW,
+        possible: may_see_missed,
+        ..once("missed-next", "next patch of the wall that was missed", "Ctrl+F", |c, at| c.next_missed(at.now))
+    },
     once("undo", "undo the last change to distances, answers or kinds", "Ctrl+Z", FlightController::undo),
     once("delete-last", "delete the last distance", "Delete", FlightController::delete_last_measure),
     once("screenshot", "screenshot and its pose", "P F12", FlightController::take_screenshot),
@@ -288,6 +304,8 @@ const TABLE: &[Row] = &[
 
 /// Row of the help for the keys of grey-level windows.
 const WINDOW_ROW: &str = "window: colon, soft tissue, bone, lung";
+/// Row of the help for the wall that was not seen.
+const SEEN_ROW: &str = "wall not seen: paint it, next missed patch";
 /// Row of the help for the keys of thick slices.
 const SLAB_ROW: &str = "slices: slab thickness, projection";
 
@@ -336,7 +354,21 @@ const LAYOUT_ROW: &str = "panels: flight alone, reading, slices, across the path
 pub(crate) const MENUS: &[(&str, &[&str])] = &[
     ("File", &["open", "screenshot", "quit"]),
     ("Flight", &["pause", "guide", "guide-", "reverse", "next", "other-end", "faster", "slower"]),
-    ("View", &["tag", "detail", "light", "narrower", "wider", "usual-angle", "overlay-", "fullscreen"]),
+    (
+        "View",
+        &[
+            "tag",
+            "detail",
+            "light",
+            "narrower",
+            "wider",
+            "usual-angle",
+            "unseen",
+            "missed-next",
+            "overlay-",
+            "fullscreen",
+        ],
+    ),
     ("Slices", &["window-", "slab", "slab-kind", "slices-reset", "kinds", "kind-"]),
     ("Measure", &["measure", "undo", "delete-last", "measure-lesion"]),
     ("Candidates", &["panel-candidates", "candidate-"]),

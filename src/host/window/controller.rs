@@ -2,6 +2,7 @@
 
 mod assisting;
 mod pointing;
+mod seeing;
 mod telling;
 
 use std::collections::BTreeSet;
@@ -30,6 +31,7 @@ use super::overlays::Overlays;
 use super::panels::FlightInput;
 use super::screenshot;
 use super::screenshot_renderer::{Traced, WakeUp};
+use super::seen::Seen;
 use super::slices::Slices;
 use super::travel::Travel;
 use super::view_renderer::{Due, ViewRenderer};
@@ -96,6 +98,8 @@ pub(crate) struct FlightController {
     answers_file: Option<PathBuf>,
     /// The kinds of gas, found once somebody asks for them.
     kinds: Kinds,
+    /// What of the wall was seen, watched once somebody asks for it.
+    seen: Seen,
     /// What was changed last.
     changed: Changed,
     /// True once anything of the flight was shown.
@@ -170,6 +174,7 @@ impl FlightController {
             assistant: None,
             answers_file: None,
             kinds,
+            seen: Seen::new(now),
             changed: Changed::Distance,
             has_shown: false,
             wake,
@@ -296,8 +301,8 @@ impl FlightController {
         let planned = self.planning.is_some().then_some(self.start);
         let uncleansed = (self.cleansing.is_waiting() && self.has_shown).then_some(self.start);
         let searched = self.assistant.as_ref().and_then(|a| a.next());
-        let told = self.kinds.next();
-        [finer, message, self.figures.next(), attention, planned, uncleansed, searched, told]
+        let (told, seen) = (self.kinds.next(), self.seen.next());
+        [seen, finer, message, self.figures.next(), attention, planned, uncleansed, searched, told]
             .into_iter()
             .flatten()
             .min()
@@ -610,6 +615,7 @@ impl FlightController {
         self.take_cleansed(now);
         self.take_found(now);
         self.take_kinds(now);
+        self.take_seen(now);
         for note in self.flight.take_notes() {
             self.say(note, now);
         }
@@ -669,6 +675,7 @@ impl FlightController {
     ) -> Result<Option<Due>> {
         let hand = self.hand();
         let held = (hand.paused || self.travel.is_some()) && hand.push == DVec3::ZERO;
+        self.slices.mark(self.seen.marks(&self.flight));
         let stale = self.slices.show(&mut self.flight, slices, held)?;
         let due = self.view_renderer.prepare(&mut self.flight, window, stale)?;
         self.save_traced(now);

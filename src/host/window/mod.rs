@@ -30,6 +30,7 @@ mod recent;
 mod screen;
 mod screenshot;
 mod screenshot_renderer;
+mod seen;
 mod session;
 mod settings;
 mod shell;

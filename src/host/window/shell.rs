@@ -24,7 +24,7 @@ use super::loading::{Loading, Prepare, Ready};
 use super::measures::Measures;
 use super::overlay::{self, Content};
 use super::panels::open::FileList;
-use super::panels::{Context, Request, Requests};
+use super::panels::{Context, Request, Requests, SeenInput};
 use super::present_timer::PresentTimer;
 use super::recent::Recent;
 use super::screenshot_renderer::WakeUp;
@@ -509,6 +509,14 @@ impl Shell {
                         controller.tell_kind(kind, now);
                     }
                 }
+                Request::Seen(request) => {
+                    if let Stage::Flying(controller) = &mut self.stage {
+                        match request {
+                            SeenInput::List => controller.list_missed(now),
+                            SeenInput::Visit(n) => controller.visit_missed(n, now),
+                        }
+                    }
+                }
                 Request::Action(id) => {
                     if let Some(action) = Rc::clone(&self.actions).named(&id) {
                         self.run(action, now, events);
@@ -538,6 +546,13 @@ impl Shell {
                     let shown = !c.kinds().is_shown();
                     c.show_kinds(shown, Instant::now());
                     self.workspace.show_named("kinds", shown);
+                }
+            }
+            WindowRequest::Seen => {
+                if let Stage::Flying(c) = &mut self.stage {
+                    let shown = !c.seen().is_painted();
+                    c.show_seen(shown, Instant::now());
+                    self.workspace.show_named("missed", shown);
                 }
             }
             WindowRequest::Layout(n) => self.workspace.choose(n),

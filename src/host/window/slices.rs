@@ -39,6 +39,8 @@ pub(crate) struct Slices {
     patch: Option<Entity>,
     /// Colours of the bodies of gas.
     tint: Option<Arc<Tint>>,
+    /// The state of what is drawn over them.
+    marks: Option<u64>,
     /// Fraction of a notch scrolled so far, in the slice that was scrolled last.
     scrolled: Option<(Orientation, f64)>,
 }
@@ -81,6 +83,11 @@ impl Slices {
         self.tint = tint;
     }
 
+    /// Draws over them anew if the number is another one.
+    pub(crate) fn mark(&mut self, marks: Option<u64>) {
+        self.marks = marks;
+    }
+
     /// Shows exactly these slices, in these sizes, with their state for the next frame. A camera that is `held` may still drift
     /// to rest; it does not leave the place pointed at. Returns true if one is not drawn yet.
     ///
@@ -121,6 +128,7 @@ impl Slices {
             (view.size, view.place, view.windowing) = (*size, place, self.windowing);
             (view.slab, view.patch) = (self.slab, self.patch);
             view.tint.clone_from(&self.tint);
+            view.marks = self.marks;
             stale |= view.is_stale(&grid, &pose);
         }
         Ok(stale)

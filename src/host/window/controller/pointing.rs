@@ -141,7 +141,7 @@ impl FlightController {
     }
 
     /// Returns the visible point of the wall at a pixel of the picture.
-    fn seen(&self, [x, y]: [f64; 2]) -> Option<DVec3> {
+    fn place_at(&self, [x, y]: [f64; 2]) -> Option<DVec3> {
         let view = self.flight.camera::<Picture>()?.view.as_ref()?;
         let ray = view.ray_at(x, y)?;
         let mm = first_crossing(self.flight.shown_scan(), ray.origin, ray.direction, f64::INFINITY)?;
@@ -150,7 +150,7 @@ impl FlightController {
 
     /// Handles a click on the wall: it sets an end of a measure, or the place that all views show.
     pub(super) fn click(&mut self, at: [f64; 2], now: Instant) {
-        let Some(place) = self.seen(at) else { return };
+        let Some(place) = self.place_at(at) else { return };
         if self.measures.is_on() {
             return self.measure(place, now);
         }
@@ -165,7 +165,7 @@ impl FlightController {
 
     /// Flies towards a visible point of the wall and looks at it.
     pub(super) fn look_at(&mut self, at: [f64; 2], now: Instant) {
-        let Some(place) = self.seen(at).filter(|_| self.flight.setup().scene.play().is_none()) else { return };
+        let Some(place) = self.place_at(at).filter(|_| self.flight.setup().scene.play().is_none()) else { return };
         self.stop(now);
         self.slices.point(&self.flight, place);
         self.travel = Some(Travel::to_look_at(self.flight.pose(), place, now));

@@ -6,6 +6,7 @@ pub mod candidates;
 pub mod flight;
 pub mod kinds;
 pub mod measures;
+pub mod missed;
 pub mod open;
 #[cfg(test)]
 mod pictures;
@@ -23,6 +24,7 @@ use super::controller::FlightController;
 use super::kinds::Kinds;
 use super::measures::Measures;
 use super::overlay::HudState;
+use super::seen::Seen;
 use crate::app::FlightApp;
 use crate::components::slices::{Orientation, SliceView};
 use crate::fields::lumen::GasKind;
@@ -38,6 +40,7 @@ pub const BUILT_IN: &[PanelEntry] = &[
     measures::PANEL,
     candidates::PANEL,
     kinds::PANEL,
+    missed::PANEL,
     open::PANEL,
 ];
 
@@ -130,6 +133,11 @@ impl<'a> Context<'a> {
         self.controller.assistant()
     }
 
+    /// Returns what of the wall was seen.
+    pub(super) fn seen(&self) -> &'a Seen {
+        self.controller.seen()
+    }
+
     /// Returns the kinds of gas.
     pub(super) fn kinds(&self) -> &'a Kinds {
         self.controller.kinds()
@@ -175,6 +183,15 @@ pub struct Requests {
     slices_at: Vec<(Orientation, Rect)>,
 }
 
+/// A request about what of the wall was not seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SeenInput {
+    /// List the missed patches anew.
+    List,
+    /// Go to the missed patch with this number and look at it.
+    Visit(usize),
+}
+
 /// A single request.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Request {
@@ -186,6 +203,8 @@ pub enum Request {
     Assist(AssistInput),
     /// Give a kind to the chosen body of gas, or with `None` take back what was given.
     Kind(Option<GasKind>),
+    /// A request about what of the wall was not seen.
+    Seen(SeenInput),
     /// Perform an action of the window, by its id.
     Action(String),
     /// Open another scan. The number selects a series in a folder that holds several.

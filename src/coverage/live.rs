@@ -1,0 +1,323 @@
+//! What is seen of the wall while a flight goes on, patch by patch.
+//!
+//! The same question as [`Wall::seen`](super::Wall::seen), asked as the views come and of one triangle of each patch (its middle),
+//! which stands for the others: the error is that of a sample of the wall every 2 mm. Of a block of 8 mm three patches are asked first.
+//! If all are hidden, as those of another loop of the colon are, the block is asked again, by other patches, when the camera has moved
+//! by a share of its distance; so is a hidden patch of a block in sight. A view takes several steps of the flight, each with a bounded
+//! amount of work; if a newer view has come meanwhile, those in between are passed over. A patch is in sight of dozens of views, so all
+//! of this costs little: `report coverage` has it beside the whole.
+
+use std::sync::Arc;
+
+use bevy_ecs::prelude::*;
+use glam::{DVec3, Vec3};
+
+use super::sight::{Eye, Sightline};
+use super::wall::{Block, Wall};
+use crate::dynamics::Attitude;
+use crate::error::Result;
+use crate::fields::Lumen;
+use crate::progress::Progress;
+use crate::render::camera::Perspective;
+use crate::space::PreparedVolume;
+
+/// A hidden patch or block is asked again when the camera has moved by this share of its distance.
+const AGAIN: f32 = 0.06;
+/// Patches of a block that are asked before it is taken as hidden.
+const PROBES: usize = 3;
+/// A ray costs as much as this many tests of whether a patch is in the picture.
+const RAY: u32 = 24;
+/// How far before a triangle the gas is that it belongs to, mm.
+const INTO_GAS_MM: f64 = 0.8;
+
+/// A wall and what was seen of it until now.
+#[derive(Component, Clone, Debug)]
+pub struct LiveCoverage {
+    wall: Arc<Wall>,
+    gas: Arc<Lumen>,
+    camera: Perspective,
+    fov_degrees: f64,
+    /// Centroid and normal of each patch's middle, mm from the wall's origin.
+    middles: Vec<[Vec3; 2]>,
+    /// Area of each patch, mm².
+    mm2: Vec<f32>,
+    /// The segment that each patch belongs to.
+    segments: Vec<u16>,
+    /// When each patch was first seen, s; infinite until then.
+    seen_s: Vec<f32>,
+    /// The odometer's reading from which each patch is asked again, mm.
+    due_mm: Vec<f32>,
+    /// The same for each block.
+    block_due_mm: Vec<f32>,
+    /// The number of patches of each block that were not seen.
+    left: Vec<u32>,
+    /// What belongs to each segment.
+    shares: Vec<Share>,
+    /// Number of views taken.
+    taken: usize,
+    /// Length of the line through the views, mm.
+    odometer_mm: f32,
+    /// The view that is under way.
+    now: Option<Looking>,
+}
+
+/// A segment's wall.
+#[derive(Clone, Copy, Debug, Default)]
+struct Share {
+    mm2: f64,
+    seen_mm2: f64,
+    visited: bool,
+}
+
+/// A view that is under way.
+#[derive(Clone, Debug)]
+struct Looking {
+    eye: Eye,
+    seconds: f32,
+    block: usize,
+    /// How far the block that is under way was asked: first by the probes, then patch by patch.
+    asked: usize,
+    /// Whether any of its patches was in the picture, and whether one was seen.
+    tried: bool,
+    free: bool,
+    blocked: f64,
+}
+
+impl LiveCoverage {
+    /// Begins with nothing seen of the wall of some gas in `volume`, in square pictures of 90°.
+    ///
+    /// # Errors
+    /// Returns status 4 if interrupted or if the wall has more vertices than 32 bits can count.
+    pub fn of(volume: &PreparedVolume, gas: &Arc<Lumen>, progress: &Progress) -> Result<Self> {
+        let all: Vec<usize> = (0..gas.segments.len()).collect();
+        let wall = Wall::of(volume.voxels(), gas, &all, volume.transfer().iso(), progress)?;
+        Self::new(Arc::new(wall), Arc::clone(gas))
+    }
+
+    /// Begins with nothing seen of a wall of some gas.
+    fn new(wall: Arc<Wall>, gas: Arc<Lumen>) -> Result<Self> {
+        let patches = wall.patch_count();
+        let middle = |p: usize| wall.patches[p].middle as usize;
+        let middles = (0..patches).map(|p| [wall.centroids[middle(p)], wall.normals[middle(p)]]).collect();
+        let mm2: Vec<f32> = (0..patches).map(|p| wall.areas[wall.triangles_of(p)].iter().sum()).collect();
+        let segment = |p: usize| gas.segment_at(wall.centroid(middle(p)) + wall.normal(middle(p)) * INTO_GAS_MM);
+        // The gas before a few patches is too thin: they count with those before them.
+        let mut last = 0;
+        let segments: Vec<u16> = (0..patches)
+            .map(|p| {
+                last = segment(p).map_or(last, |s| s.min(usize::from(u16::MAX)) as u16);
+                last
+            })
+            .collect();
+        let mut shares = vec![Share::default(); segments.iter().max().map_or(0, |&s| usize::from(s) + 1)];
+        segments.iter().zip(&mm2).for_each(|(&s, &mm2)| shares[usize::from(s)].mm2 += f64::from(mm2));
+        let left = (0..wall.block_count()).map(|b| wall.patches_of(b).len() as u32).collect();
+        Ok(Self {
+            camera: Perspective::new(90.0)?,
+            fov_degrees: 90.0,
+            middles,
+            mm2,
+            segments,
+            seen_s: vec![f32::INFINITY; patches],
+            due_mm: vec![0.0; patches],
+            block_due_mm: vec![0.0; wall.block_count()],
+            left,
+            shares,
+            taken: 0,
+            odometer_mm: 0.0,
+            now: None,
+            wall,
+            gas,
+        })
+    }
+
+    /// Sets the view angle of the views from now on, degrees. An angle that is none is ignored.
+    pub fn set_fov(&mut self, degrees: f64) {
+        if degrees != self.fov_degrees
+            && let Ok(camera) = Perspective::new(degrees)
+        {
+            (self.camera, self.fov_degrees) = (camera, degrees);
+        }
+    }
+
+    /// Goes on with the views of a flight (world position, mm, and attitude) at a time of it, s. `work` bounds what is done, in
+    /// tests of whether a patch is in the picture.
+    ///
+    /// The newest view is taken whenever one is done.
+    pub fn watch(&mut self, volume: &PreparedVolume, views: &[(DVec3, Attitude)], seconds: f64, work: u32) {
+        let mut left = work;
+        loop {
+            if self.now.is_none() {
+                self.take(views, views.len(), seconds);
+            }
+            if self.now.is_none() || !self.go_on(volume, &mut left) {
+                return;
+            }
+        }
+    }
+
+    /// Takes all views that have not been taken, one by one.
+    pub fn catch_up(&mut self, volume: &PreparedVolume, views: &[(DVec3, Attitude)], seconds: f64) {
+        while self.taken < views.len() || self.now.is_some() {
+            if self.now.is_none() {
+                self.take(views, self.taken + 1, seconds);
+            }
+            let mut unbounded = u32::MAX;
+            self.go_on(volume, &mut unbounded);
+        }
+    }
+
+    /// Begins with the last view before `end`, if it has not been taken.
+    fn take(&mut self, views: &[(DVec3, Attitude)], end: usize, seconds: f64) {
+        if end <= self.taken || end > views.len() {
+            return;
+        }
+        for n in self.taken.max(1)..end {
+            let mm = views[n].0.distance(views[n - 1].0) as f32;
+            self.odometer_mm += if mm.is_finite() { mm } else { 0.0 };
+        }
+        self.taken = end;
+        if let Some(share) = self.gas.segment_at(views[end - 1].0).and_then(|s| self.shares.get_mut(s)) {
+            share.visited = true;
+        }
+        let eye = Eye::new(&views[end - 1], self.wall.origin);
+        self.now = eye.map(|eye| Looking {
+            eye,
+            seconds: seconds as f32,
+            block: 0,
+            asked: 0,
+            tried: false,
+            free: false,
+            blocked: f64::INFINITY,
+        });
+    }
+
+    /// Goes on with the view that is under way. Returns true if it is done, and false if the work is over before.
+    fn go_on(&mut self, volume: &PreparedVolume, work: &mut u32) -> bool {
+        let Some(mut now) = self.now.take() else { return true };
+        let wall = Arc::clone(&self.wall);
+        let line = Sightline::new(&wall, volume, &self.camera);
+        while now.block < wall.block_count() {
+            let b = now.block;
+            if now.asked == 0 {
+                *work = work.saturating_sub(1);
+                if self.left[b] == 0 || self.block_due_mm[b] > self.odometer_mm || !line.may_see_block(b, &now.eye) {
+                    now.block += 1;
+                    continue;
+                }
+            }
+            let patches = wall.patches_of(b);
+            let count = patches.len();
+            while now.asked < PROBES + count {
+                if *work == 0 {
+                    self.now = Some(now);
+                    return false;
+                }
+                let n = now.asked;
+                now.asked += 1;
+                // Other probes each time.
+                let p =
+                    patches.start + if n < PROBES { (self.taken * 7 + n * count / PROBES) % count } else { n - PROBES };
+                if n == PROBES && now.tried && !now.free {
+                    let Block { low, high, .. } = wall.blocks[b];
+                    self.block_due_mm[b] = self.odometer_mm + AGAIN * low.midpoint(high).distance(now.eye.at);
+                    break;
+                }
+                if self.seen_s[p] < f32::INFINITY || self.due_mm[p] > self.odometer_mm {
+                    continue;
+                }
+                *work = work.saturating_sub(1);
+                let [centroid, normal] = self.middles[p];
+                if !line.is_in_picture(centroid, normal, &now.eye, true) {
+                    continue;
+                }
+                *work = work.saturating_sub(RAY);
+                now.tried = true;
+                if line.is_free(wall.patches[p].middle as usize, &now.eye, &mut now.blocked) {
+                    now.free = true;
+                    self.seen_s[p] = now.seconds;
+                    self.left[b] -= 1;
+                    self.shares[usize::from(self.segments[p])].seen_mm2 += f64::from(self.mm2[p]);
+                } else {
+                    self.due_mm[p] = self.odometer_mm + AGAIN * centroid.distance(now.eye.at);
+                }
+            }
+            (now.block, now.asked, now.tried, now.free) = (b + 1, 0, false, false);
+        }
+        true
+    }
+
+    /// Returns the share of the wall that was seen, of the segments that were visited, 0 to 1.
+    pub fn share(&self) -> f64 {
+        let visited = || self.shares.iter().filter(|s| s.visited);
+        let all: f64 = visited().map(|s| s.mm2).sum();
+        if all > 0.0 { (visited().map(|s| s.seen_mm2).sum::<f64>() / all).clamp(0.0, 1.0) } else { 0.0 }
+    }
+
+    /// True if it is of this gas.
+    pub fn is_of(&self, gas: &Arc<Lumen>) -> bool {
+        Arc::ptr_eq(&self.gas, gas)
+    }
+
+    /// Returns the wall of some segments.
+    pub fn wall_of(&self, segments: &[usize]) -> Wall {
+        self.wall.only(|patch| segments.contains(&usize::from(self.segments[patch])))
+    }
+
+    /// Returns the wall.
+    pub fn wall(&self) -> &Wall {
+        &self.wall
+    }
+
+    /// Returns, for each triangle of the wall, whether it counts as seen: those of segments that were not visited do.
+    pub fn seen(&self) -> Vec<bool> {
+        let mut seen = vec![true; self.wall.len()];
+        for p in 0..self.wall.patch_count() {
+            if self.is_missing(p) {
+                seen[self.wall.triangles_of(p)].fill(false);
+            }
+        }
+        seen
+    }
+
+    /// Returns the share of the area of some triangles that was seen, 0 to 1.
+    pub fn share_of(&self, triangles: &[u32]) -> f64 {
+        let mm2 = |of: &dyn Fn(usize) -> bool| -> f64 {
+            let of = triangles.iter().map(|&t| t as usize).filter(|&t| t < self.wall.len() && of(t));
+            of.map(|t| f64::from(self.wall.areas[t])).sum()
+        };
+        let all = mm2(&|_| true);
+        let patch = |t: usize| self.wall.patches.partition_point(|p| p.first as usize <= t) - 1;
+        if all > 0.0 { mm2(&|t| self.seen_s[patch(t)] < f32::INFINITY) / all } else { 0.0 }
+    }
+
+    /// True if all patches of a block were seen.
+    pub(super) fn is_all_seen(&self, block: usize) -> bool {
+        self.left[block] == 0
+    }
+
+    /// True if a patch was not seen, of a segment that was visited.
+    pub(super) fn is_missing(&self, patch: usize) -> bool {
+        self.seen_s[patch] == f32::INFINITY && self.shares[usize::from(self.segments[patch])].visited
+    }
+
+    /// Returns how much a patch is painted as unseen at a time of the flight, s: 1 until it was seen, and then less and less for 3 s, so
+    /// that what comes into sight can be looked at.
+    pub(super) fn paint(&self, patch: usize, seconds: f32) -> f32 {
+        let since = seconds - self.seen_s[patch];
+        (1.0 - since.max(0.0) / FADES_S).clamp(0.0, 1.0)
+    }
+
+    /// Returns the size in memory with the wall, bytes.
+    pub fn bytes(&self) -> usize {
+        self.wall.bytes()
+            + size_of_val(self.middles.as_slice())
+            + size_of_val(self.mm2.as_slice())
+            + size_of_val(self.segments.as_slice())
+            + 2 * size_of_val(self.seen_s.as_slice())
+            + size_of_val(self.left.as_slice())
+    }
+}
+
+/// How long a patch that was seen stays painted, s.
+const FADES_S: f32 = 3.0;

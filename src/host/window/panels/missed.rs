@@ -1,0 +1,108 @@
+//! The panel of what was not seen: the share of the wall, and the patches that were missed.
+
+use egui::{Align2, Color32, RichText, ScrollArea, Sense, Ui, vec2};
+
+use super::{Context, Panel, PanelEntry, Request, Requests, SeenInput};
+use crate::coverage::{LiveCoverage, Missed};
+use crate::host::window::overlay::{INK, SOFT, Severity, TEXT, text};
+
+/// Its entry in the table.
+pub const PANEL: PanelEntry =
+    PanelEntry { name: "missed", title: "Wall not seen", make: || Box::<MissedPanel>::default(), ..PanelEntry::NONE };
+
+/// Height of a row, points.
+const ROW: f32 = 40.0;
+/// Background of the row that is shown, and of the one under the pointer.
+const CHOSEN: Color32 = Color32::from_rgb(38, 62, 84);
+const HOVERED: Color32 = Color32::from_gray(45);
+/// Colour of a patch that was seen since it was listed.
+const DONE: Color32 = Color32::from_rgb(130, 235, 140);
+
+#[derive(Default)]
+struct MissedPanel {
+    /// The patch that the list was scrolled to.
+    scrolled_to: Option<usize>,
+}
+
+impl Panel for MissedPanel {
+    fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
+        let seen = context.seen();
+        let coverage = context.flight.camera::<LiveCoverage>();
+        let text = if seen.is_painted() { "Hide the paint" } else { "Paint what was not seen" };
+        context.button(ui, text, "unseen", requests);
+        match seen.state() {
+            Some(Ok(what)) => {
+                ui.label(format!("{what} ..."));
+            }
+            Some(Err(why)) => {
+                ui.label(RichText::new(why).color(Severity::Alert.colour()));
+            }
+            None => {}
+        }
+        let Some(coverage) = coverage else {
+            let told =
+                "Watches from then on, and from the views until then, which parts of the wall were in the picture.";
+            ui.label(RichText::new(told).color(SOFT));
+            return;
+        };
+        ui.label(format!("{:.1} % of the wall seen", 100.0 * coverage.share()));
+        ui.horizontal_wrapped(|ui| {
+            context.button(ui, "Next missed", "missed-next", requests);
+            if ui.button("List again").on_hover_text("the patches that are not seen until now").clicked() {
+                requests.ask(Request::Seen(SeenInput::List));
+            }
+        });
+        let Some(list) = seen.list() else { return };
+        let cm2: f64 = list.iter().map(|m| m.area_mm2 / 100.0).sum();
+        ui.label(RichText::new(format!("{} patches from 3 cm² upwards, {cm2:.0} cm²", list.len())).color(SOFT));
+        ui.separator();
+        self.list(list, coverage, seen.current(), ui, requests);
+    }
+}
+
+impl MissedPanel {
+    fn list(
+        &mut self,
+        list: &[Missed],
+        coverage: &LiveCoverage,
+        current: Option<usize>,
+        ui: &mut Ui,
+        requests: &mut Requests,
+    ) {
+        let step = ROW + ui.spacing().item_spacing.y;
+        let mut area = ScrollArea::vertical().auto_shrink(false);
+        if let Some(n) = current.filter(|_| current != self.scrolled_to) {
+            self.scrolled_to = Some(n);
+            area = area.vertical_scroll_offset((n as f32 - 1.0).max(0.0) * step);
+        }
+        area.show_rows(ui, ROW, list.len(), |ui, rows| {
+            for n in rows {
+                let Some(patch) = list.get(n) else { continue };
+                let (rect, row) = ui.allocate_exact_size(vec2(ui.available_width(), ROW), Sense::CLICK);
+                let p = ui.painter_at(rect);
+                if current == Some(n) {
+                    p.rect_filled(rect, 4.0, CHOSEN);
+                } else if row.hovered() {
+                    p.rect_filled(rect, 4.0, HOVERED);
+                }
+                let at = rect.left_top() + vec2(6.0, 2.0);
+                let head = format!("{}   {:.1} cm²", n + 1, patch.area_mm2 / 100.0);
+                let head = text(&p, at, Align2::LEFT_TOP, &head, TEXT, INK);
+                let share = coverage.share_of(&patch.triangles);
+                if share > 0.01 {
+                    let at = head.right_top() + vec2(10.0, 0.0);
+                    let colour = if share > 0.5 { DONE } else { SOFT };
+                    text(&p, at, Align2::LEFT_TOP, &format!("{:.0} % seen", 100.0 * share), TEXT, colour);
+                }
+                let place = match patch.look_from {
+                    Some(_) => format!("at {:.0} mm of the flight", patch.along_mm),
+                    None => format!("at {:.0} mm, too narrow to look at", patch.along_mm),
+                };
+                text(&p, head.left_bottom(), Align2::LEFT_TOP, &place, TEXT, SOFT);
+                if row.clicked() {
+                    requests.ask(Request::Seen(SeenInput::Visit(n)));
+                }
+            }
+        });
+    }
+}

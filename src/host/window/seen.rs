@@ -1,0 +1,230 @@
+//! What of the wall was seen, in a window: watched and painted once somebody asks for it, and the list of the patches that were missed.
+//!
+//! Nothing is computed or kept before somebody asks. The wall is extracted and the views until then are looked at in the background.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use glam::DVec3;
+
+use super::job::Job;
+use super::screenshot_renderer::WakeUp;
+use crate::app::{FlightApp, Setup};
+use crate::coverage::{CoveragePaint, LiveCoverage, Missed, missed};
+use crate::error::Result;
+use crate::fields::ClearanceFinder;
+use crate::progress::Progress;
+
+/// Time between two looks at the progress.
+const LOOKS: Duration = Duration::from_millis(200);
+
+enum Stage {
+    Idle,
+    /// The wall is extracted, and the views until then are looked at.
+    Beginning(Job<(LiveCoverage, CoveragePaint)>),
+    /// The missed patches are listed.
+    Listing(Job<Vec<Missed>>),
+    /// It failed, and why.
+    Failed(String),
+}
+
+/// What of the wall was seen, in a window.
+pub(crate) struct Seen {
+    is_painted: bool,
+    stage: Stage,
+    /// The missed patches, as they were when somebody asked, in the order of the flight.
+    list: Option<Vec<Missed>>,
+    current: Option<usize>,
+    /// The paint, while it is not shown.
+    paint: Option<CoveragePaint>,
+    /// Go to the next patch once they are listed.
+    goes_on: bool,
+    /// When the progress was looked at.
+    looked: Instant,
+}
+
+/// What has come out of the background.
+pub(crate) enum News {
+    /// The flight is watched from now on.
+    Begun,
+    /// The missed patches are listed; true if the next one is to be shown.
+    Listed(bool),
+}
+
+impl Seen {
+    pub(crate) fn new(now: Instant) -> Self {
+        Self {
+            is_painted: false,
+            stage: Stage::Idle,
+            list: None,
+            current: None,
+            paint: None,
+            goes_on: false,
+            looked: now,
+        }
+    }
+
+    /// True if what was not seen is painted, as soon as it is known.
+    pub(crate) fn is_painted(&self) -> bool {
+        self.is_painted
+    }
+
+    /// Shows or hides the paint. What is needed is found in the background.
+    ///
+    /// # Errors
+    /// Returns the errors of any change of the schedule.
+    pub(crate) fn show(&mut self, shown: bool, flight: &mut FlightApp, wake: &WakeUp, now: Instant) -> Result<()> {
+        self.is_painted = shown;
+        if shown && flight.camera::<LiveCoverage>().is_none() {
+            if !matches!(self.stage, Stage::Beginning(_)) {
+                self.looked = now;
+                self.stage = begin(flight, wake).map_or_else(|e| Stage::Failed(e.to_string()), Stage::Beginning);
+            }
+            return Ok(());
+        }
+        if !shown {
+            self.paint = flight.paint_coverage(None)?;
+        } else if let Some(coverage) = flight.camera::<LiveCoverage>() {
+            // Another lumen has another wall.
+            let kept = self.paint.take().filter(|p| p.is_of(coverage));
+            let paint = kept.unwrap_or_else(|| CoveragePaint::new(coverage));
+            flight.paint_coverage(Some(paint))?;
+        }
+        Ok(())
+    }
+
+    /// Lists the missed patches in the background; with `goes_on` the next one is shown then. Does nothing before the flight is
+    /// watched.
+    pub(crate) fn list_missed(&mut self, goes_on: bool, flight: &FlightApp, wake: &WakeUp, now: Instant) {
+        self.goes_on = goes_on;
+        if matches!(self.stage, Stage::Beginning(_) | Stage::Listing(_)) {
+            return;
+        }
+        if let Some(coverage) = flight.camera::<LiveCoverage>() {
+            self.looked = now;
+            let job = list(coverage, flight, wake);
+            self.stage = job.map_or_else(|e| Stage::Failed(e.to_string()), Stage::Listing);
+        }
+    }
+
+    /// Takes what has come out of the background.
+    ///
+    /// # Errors
+    /// Returns the errors of any change of the schedule.
+    pub(crate) fn take(&mut self, flight: &mut FlightApp, now: Instant) -> Result<Option<News>> {
+        let failed = match &mut self.stage {
+            Stage::Beginning(job) => {
+                self.looked = now;
+                match job.take() {
+                    None => return Ok(None),
+                    Some(Ok((coverage, paint))) => {
+                        self.stage = Stage::Idle;
+                        flight.watch_coverage(coverage)?;
+                        match self.is_painted {
+                            true => drop(flight.paint_coverage(Some(paint))?),
+                            false => self.paint = Some(paint),
+                        }
+                        return Ok(Some(News::Begun));
+                    }
+                    Some(Err(e)) => e,
+                }
+            }
+            Stage::Listing(job) => {
+                self.looked = now;
+                match job.take() {
+                    None => return Ok(None),
+                    Some(Ok(list)) => {
+                        self.stage = Stage::Idle;
+                        (self.list, self.current) = (Some(list), None);
+                        return Ok(Some(News::Listed(self.goes_on)));
+                    }
+                    Some(Err(e)) => e,
+                }
+            }
+            Stage::Idle | Stage::Failed(_) => return Ok(None),
+        };
+        self.stage = Stage::Failed(failed.to_string());
+        Ok(None)
+    }
+
+    /// Returns when the progress has to be looked at.
+    pub(crate) fn next(&self) -> Option<Instant> {
+        matches!(self.stage, Stage::Beginning(_) | Stage::Listing(_)).then_some(self.looked + LOOKS)
+    }
+
+    /// Returns what is being done, or why it failed; `None` if nothing is.
+    pub(crate) fn state(&self) -> Option<std::result::Result<&'static str, &str>> {
+        match &self.stage {
+            Stage::Idle => None,
+            Stage::Beginning(_) => Some(Ok("looking at the wall")),
+            Stage::Listing(_) => Some(Ok("listing what was missed")),
+            Stage::Failed(why) => Some(Err(why)),
+        }
+    }
+
+    /// Returns the missed patches in the order of the flight; `None` before they were listed.
+    pub(crate) fn list(&self) -> Option<&[Missed]> {
+        self.list.as_deref()
+    }
+
+    /// Returns the number of the patch that is shown.
+    pub(crate) fn current(&self) -> Option<usize> {
+        self.current
+    }
+
+    /// Chooses a patch.
+    pub(crate) fn choose(&mut self, n: usize) -> Option<&Missed> {
+        let patch = self.list.as_ref()?.get(n)?;
+        self.current = Some(n);
+        Some(patch)
+    }
+
+    /// Returns the number of the next patch that the flight has still not seen and that can be looked at: after the one that is shown,
+    /// from the first again after the last.
+    pub(crate) fn next_missed(&self, coverage: &LiveCoverage) -> Option<usize> {
+        let list = self.list.as_ref()?;
+        let first = self.current.map_or(0, |n| n + 1);
+        let order = (first..list.len()).chain(0..first.min(list.len()));
+        order.into_iter().find(|&n| list[n].look_from.is_some() && coverage.share_of(&list[n].triangles) < 0.5)
+    }
+
+    /// Marks for slices: another number once they have to be drawn anew. `None` while nothing is painted.
+    pub(crate) fn marks(&self, flight: &FlightApp) -> Option<u64> {
+        let coverage = flight.camera::<LiveCoverage>().filter(|_| self.is_painted)?;
+        // Not for each patch that comes into sight.
+        Some((coverage.share() * 1000.0) as u64)
+    }
+}
+
+/// Extracts the wall and looks at the views until now, in the background.
+fn begin(flight: &FlightApp, wake: &WakeUp) -> Result<Job<(LiveCoverage, CoveragePaint)>> {
+    let Setup { volume, lumen, plan, .. } = flight.setup();
+    let (volume, gas) = (volume.clone(), Arc::clone(plan.gas.as_ref().unwrap_or(lumen)));
+    let views = flight.survey().trail().map_or_else(Vec::new, |t| t.views().to_vec());
+    let seconds = flight.clock().seconds();
+    let work = move |progress: &Arc<Progress>| {
+        let mut coverage = LiveCoverage::of(&volume, &gas, progress)?;
+        coverage.catch_up(&volume, &views, seconds);
+        let paint = CoveragePaint::new(&coverage);
+        Ok((coverage, paint))
+    };
+    let wake = Arc::clone(wake);
+    Job::start("coverage", &Arc::new(Progress::new()), work, move || wake())
+}
+
+/// Lists the missed patches in the background.
+fn list(coverage: &LiveCoverage, flight: &FlightApp, wake: &WakeUp) -> Result<Job<Vec<Missed>>> {
+    let (coverage, setup) = (coverage.clone(), flight.setup());
+    let way: Vec<DVec3> = flight.survey().trail().map_or_else(Vec::new, |t| t.views().iter().map(|v| v.0).collect());
+    let (radius, iso) = (setup.scene.body.radius_mm, setup.volume.transfer().iso() as f32);
+    let voxels = setup.volume.shared_voxels();
+    let work = move |_: &Arc<Progress>| {
+        let walls = ClearanceFinder::new(voxels, iso, radius + 1.0);
+        let seen = coverage.seen();
+        let mut found = missed::missed(coverage.wall(), |n| seen[n], missed::LEAST_MM2, &way, &walls, radius);
+        found.sort_by(|a, b| a.along_mm.total_cmp(&b.along_mm));
+        Ok(found)
+    };
+    let wake = Arc::clone(wake);
+    Job::start("missed", &Arc::new(Progress::new()), work, move || wake())
+}
