@@ -20,6 +20,8 @@ use crate::error::{Error, Result};
 use crate::progress::Progress;
 use cells::Cells;
 
+pub(in crate::fields) use polyline::smoothed;
+
 /// Distance between the line's points, mm.
 const STEP_MM: f64 = 1.0;
 /// Maximum distance over which a point outside the lumen is moved into it, mm.

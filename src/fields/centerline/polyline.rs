@@ -96,7 +96,7 @@ pub(super) fn length(line: &[DVec3]) -> f64 {
 
 /// Smooths a line's values with a Gaussian of standard deviation `sigma` (in points). Values are mirrored through the
 /// ends, which stay.
-pub(super) fn smoothed(values: &[DVec3], sigma: f64) -> Vec<DVec3> {
+pub(in crate::fields) fn smoothed(values: &[DVec3], sigma: f64) -> Vec<DVec3> {
     let reach = (3.0 * sigma).ceil() as i64;
     let bell: Vec<f64> = (-reach..=reach).map(|n| (-0.5 * (n as f64 / sigma.max(1e-9)).powi(2)).exp()).collect();
     let last = values.len() as i64 - 1;
