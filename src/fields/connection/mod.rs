@@ -16,7 +16,7 @@ mod tissue;
 
 use glam::DVec3;
 
-use super::centerline::smoothed;
+use super::centerline::{length, smoothed, spaced};
 use super::lumen::{Lumen, Segment};
 use crate::error::Result;
 use crate::progress::Progress;
@@ -257,7 +257,7 @@ fn across(volume: &Volume, lumen: &Lumen, ends: [(usize, bool); 2], progress: &P
     let [Some(a), Some(b)] = ends.map(|(n, is_last)| Facing::of(lumen, n, is_last)) else { return Ok(Vec::new()) };
     let points = match cheapest(volume, lumen, [a, b], progress)? {
         Some(points) => points,
-        None if a.at.is_finite() && b.at.is_finite() => resampled(&[a.at, b.at]),
+        None if a.at.is_finite() && b.at.is_finite() => spaced(&[a.at, b.at], STEP_MM),
         None => return Ok(Vec::new()),
     };
     Ok(divided(lumen, [a.segment, b.segment], &points))
@@ -271,7 +271,7 @@ fn cheapest(volume: &Volume, lumen: &Lumen, ends: [Facing<'_>; 2], progress: &Pr
     let way = path::cheapest(&costs, start, goal, progress)?;
     let inner = way.iter().skip(1).take(way.len().saturating_sub(2)).map(|&n| costs.place(n));
     let line: Vec<DVec3> = std::iter::once(ends[0].at).chain(inner).chain([ends[1].at]).collect();
-    Ok(Some(resampled(&smoothed(&line, SMOOTH))))
+    Ok(Some(spaced(&smoothed(&line, SMOOTH), STEP_MM)))
 }
 
 /// Divides a way from one segment to another into stretches. What is in the gas of the two at its beginning and end is left out.
@@ -311,20 +311,4 @@ fn divided(lumen: &Lumen, [from, to]: [usize; 2], points: &[DVec3]) -> Vec<Stret
         Stretch { kind, length_mm: length(&points), from, to, points }
     };
     stretches.into_iter().map(stretch).collect()
-}
-
-/// Returns a line with points at most 1 mm apart.
-fn resampled(line: &[DVec3]) -> Vec<DVec3> {
-    let Some(&first) = line.first() else { return Vec::new() };
-    let mut out = vec![first];
-    for w in line.windows(2) {
-        let steps = (w[0].distance(w[1]) / STEP_MM).ceil().clamp(1.0, 1e6) as usize;
-        out.extend((1..steps).map(|n| w[0].lerp(w[1], n as f64 / steps as f64)).chain([w[1]]));
-    }
-    out
-}
-
-/// Returns the length of a line, mm.
-fn length(line: &[DVec3]) -> f64 {
-    line.windows(2).map(|w| w[0].distance(w[1])).sum::<f64>() + 0.0
 }
