@@ -29,6 +29,8 @@ const STEP_MM: f64 = 1.0;
 const SMOOTH: f64 = 2.0;
 /// A stretch shorter than this counts as part of the one before, mm. The edge of fluid is neither fluid nor gas.
 const SHORT_MM: f64 = 4.0;
+/// Tissue on the way between two segments that fluid joins counts as fluid up to this length, mm: the edge of a fold.
+const FOLD_MM: f64 = 10.0;
 /// Greatest distance of a requested place from the gas that it is in, mm.
 const SNAP_MM: f64 = 5.0;
 
@@ -274,6 +276,11 @@ fn cheapest(volume: &Volume, lumen: &Lumen, ends: [Facing<'_>; 2], progress: &Pr
     Ok(Some(spaced(&smoothed(&line, SMOOTH), STEP_MM)))
 }
 
+/// True if tagged fluid joins two segments.
+fn is_joined(lumen: &Lumen, [a, b]: [usize; 2]) -> bool {
+    lumen.segments.get(a).is_some_and(|s| s.joined_to.contains(&b))
+}
+
 /// Divides a way from one segment to another into stretches. What is in the gas of the two at its beginning and end is left out.
 fn divided(lumen: &Lumen, [from, to]: [usize; 2], points: &[DVec3]) -> Vec<Stretch> {
     let is_in = |n: usize, p: DVec3| lumen.segment_at(p) == Some(n);
@@ -289,7 +296,11 @@ fn divided(lumen: &Lumen, [from, to]: [usize; 2], points: &[DVec3]) -> Vec<Stret
             _ => stretches.push((kind, n, n + 1)),
         }
     }
-    let long = |s: &(StretchKind, usize, usize)| length(&points[s.1..=s.2]) >= SHORT_MM;
+    let least_mm = |kind| match kind {
+        StretchKind::Collapsed if is_joined(lumen, [from, to]) => FOLD_MM,
+        _ => SHORT_MM,
+    };
+    let long = |s: &(StretchKind, usize, usize)| length(&points[s.1..=s.2]) >= least_mm(s.0);
     // The edges of fluid, before, between and behind it, are part of it. Fluid too short to matter is not.
     while stretches.len() > 1 {
         let Some(n) = (0..stretches.len()).find(|&n| !long(&stretches[n])) else { break };

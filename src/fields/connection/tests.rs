@@ -92,18 +92,18 @@ fn a_pool_without_gas_is_part_of_the_guess() {
 
 /// A lumen of two segments without gas, whose ends face each other at `ends`.
 fn facing(grid: &Grid, ends: [DVec3; 2]) -> Lumen {
-    let segment = |at: DVec3, joined: usize| Segment {
+    let segment = |at: DVec3| Segment {
         ml: 10.0,
         fluid_ml: 0.0,
         bounds_mm: [at; 2],
         ends: [at; 2],
-        joined_to: vec![joined],
+        joined_to: Vec::new(),
         length_mm: 0.0,
         way: vec![at],
         judged: None,
     };
     let mut lumen = Lumen::none(grid);
-    (lumen.segments, lumen.ordered) = (vec![segment(ends[0], 1), segment(ends[1], 0)], true);
+    (lumen.segments, lumen.ordered) = (vec![segment(ends[0]), segment(ends[1])], true);
     lumen
 }
 

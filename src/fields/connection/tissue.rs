@@ -130,6 +130,9 @@ struct Count {
 
 impl Costs {
     /// Measures what is around the ends of two segments. `None` if an end is outside the scan.
+    ///
+    /// If tagged fluid joins the two, no tissue is between them, and all of it is closed: a way must not cut through a fold in the
+    /// pool.
     pub(super) fn between(
         volume: &Volume,
         lumen: &Lumen,
@@ -154,6 +157,11 @@ impl Costs {
         let blocks = layers.concat();
         progress.check()?;
         costs.cost = costs.weighed(&blocks);
+        if super::is_joined(lumen, ends.map(|e| e.segment)) {
+            let tissue = blocks.iter().map(|&b| b != Block::Lumen);
+            let closed = (CLOSED * UNIT) as u16;
+            costs.cost.iter_mut().zip(tissue).filter(|(_, is_tissue)| *is_tissue).for_each(|(c, _)| *c = closed);
+        }
         Ok(Some(costs))
     }
 
