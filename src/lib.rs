@@ -59,6 +59,8 @@
 //! - **Segment**: a connected piece of the lumen's gas. Fluid or a collapsed stretch separates one segment from the next.
 //! - **Tagged fluid**: fluid that a contrast agent brightens, so that it can be distinguished from tissue.
 //! - **Haustra**: the pouches of the colon between its folds. **Taeniae**: the three bands of muscle along it.
+//! - **Gap**: where the gas of the colon is interrupted, by fluid or because the lumen is collapsed. The way across a collapsed
+//!   stretch is a **guess**: [`fields::connection`].
 //! - **Residue**: material left in a cleaned colon. A **bridge** is a thin strand of it across the lumen.
 //! - **Centerline**: the line through the middle of the lumen from one end to the other: [`fields::centerline`].
 //! - **Wall**: the surface where the interpolated value crosses the middle of the opacity ramp, −650 HU by default.

@@ -9,6 +9,7 @@ use crate::dynamics::Attitude;
 use crate::dynamics::tentacles::directions;
 use crate::error::{Error, Result};
 use crate::fields::ClearanceFinder;
+use crate::fields::connection::ColonPlace;
 use crate::fields::lumen::{self, Lumen, Segment};
 use crate::math::lattice::nearest_first;
 use crate::progress::Progress;
@@ -32,6 +33,16 @@ pub enum Place {
     World(DVec3),
 }
 
+impl From<Place> for ColonPlace {
+    fn from(place: Place) -> Self {
+        match place {
+            Place::Rectum => Self::Rectum,
+            Place::Cecum => Self::Cecum,
+            Place::World(p) => Self::At(p),
+        }
+    }
+}
+
 /// The requested ends of a flight.
 ///
 /// ```
@@ -50,6 +61,22 @@ pub struct FlightRequest {
     pub to: Option<Place>,
     /// Swaps the ends.
     pub reverse: bool,
+}
+
+impl FlightRequest {
+    /// Returns the places of the colon between which the request leads, whether or not gas joins them. An end that is not requested
+    /// is that of the colon.
+    pub fn places(&self) -> [Place; 2] {
+        match (self.from, self.to) {
+            (Some(from), Some(to)) => [from, to],
+            (Some(Place::Cecum), None) => [Place::Cecum, Place::Rectum],
+            (Some(from), None) => [from, if self.reverse { Place::Rectum } else { Place::Cecum }],
+            (None, Some(Place::Rectum)) => [Place::Cecum, Place::Rectum],
+            (None, Some(to)) => [Place::Rectum, to],
+            (None, None) if self.reverse => [Place::Cecum, Place::Rectum],
+            (None, None) => [Place::Rectum, Place::Cecum],
+        }
+    }
 }
 
 /// An end that a flight can go to.
@@ -85,6 +112,8 @@ pub struct Plan {
     pub segment: Option<usize>,
     /// The gas of the flight, if it is not a segment of the colon.
     pub gas: Option<Arc<Lumen>>,
+    /// What was asked for.
+    pub asked: FlightRequest,
     /// Notes to the user.
     pub notes: Vec<String>,
 }
@@ -93,7 +122,8 @@ impl Plan {
     /// Creates a plan for gas that is no segment of a colon, from `start` to `goal` (world mm), of a coarse length (mm).
     pub fn between(start: DVec3, goal: DVec3, length_mm: f64) -> Self {
         let ends = [start, goal].map(|at| PlanEnd::new(at, ARRIVED_MM));
-        Self { start, begin: start, ends, length_mm, segment: None, gas: None, notes: Vec::new() }
+        let (asked, notes) = (FlightRequest::default(), Vec::new());
+        Self { start, begin: start, ends, length_mm, segment: None, gas: None, asked, notes }
     }
 
     /// Returns where the flight goes.
@@ -269,6 +299,7 @@ fn finish(
         length_mm: segment.length_mm,
         segment: number,
         gas: None,
+        asked: *request,
         notes,
     })
 }
@@ -354,6 +385,16 @@ fn outside(option: &str, at: DVec3) -> Error {
     )
 }
 
+impl std::fmt::Display for Place {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Rectum => f.write_str("the rectum"),
+            Self::Cecum => f.write_str("the cecum"),
+            Self::World(p) => f.write_str(&triple(*p)),
+        }
+    }
+}
+
 /// Formats a point as it is typed on the command line.
 pub fn triple(p: DVec3) -> String {
     format!("{:.1},{:.1},{:.1}", p.x, p.y, p.z)
@@ -399,6 +440,24 @@ mod tests {
 
     fn request(from: Option<Place>, to: Option<Place>, reverse: bool) -> FlightRequest {
         FlightRequest { from, to, reverse }
+    }
+
+    #[test]
+    fn a_request_leads_through_the_whole_colon_where_it_names_no_end() {
+        use Place::{Cecum, Rectum, World};
+        let there = World(DVec3::X);
+        let places = |from, to, reverse| FlightRequest { from, to, reverse }.places();
+        for (from, to, forwards, backwards) in [
+            (None, None, [Rectum, Cecum], [Cecum, Rectum]),
+            (Some(Rectum), None, [Rectum, Cecum], [Rectum, Rectum]),
+            (Some(Cecum), None, [Cecum, Rectum], [Cecum, Rectum]),
+            (None, Some(Rectum), [Cecum, Rectum], [Cecum, Rectum]),
+            (None, Some(there), [Rectum, there], [Rectum, there]),
+            (Some(there), None, [there, Cecum], [there, Rectum]),
+            (Some(Cecum), Some(there), [Cecum, there], [Cecum, there]),
+        ] {
+            assert_eq!([places(from, to, false), places(from, to, true)], [forwards, backwards], "{from:?} to {to:?}");
+        }
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! `colvis centerline`.
 
+use std::ops::Range;
 use std::path::Path;
 
 use glam::DVec3;
@@ -11,6 +12,7 @@ use crate::cli::args::{CenterlineArgs, Global, Point};
 use crate::cli::prepare::{self, say};
 use crate::error::{Error, Result};
 use crate::fields::centerline::{self, Centerline, End};
+use crate::fields::connection;
 use crate::fields::lumen::{self, Lumen, Part};
 use crate::fields::{Through, WallDistance};
 use crate::output;
@@ -116,13 +118,36 @@ fn through_scan(
         timings.time("distance_s", || WallDistance::of_lumen(volume, &lumen, Through::GasAndFluid, progress))?;
     let asked = args.from.is_some() || args.to.is_some();
     let ends = if asked { outermost(&lumen, 0..lumen.segments.len()) } else { joined(&lumen) };
-    let line = timings.time("centerline_s", || plan(&walls, args, ends, &centerline::gaps(&lumen), progress))?;
+    let guesses = match between(&lumen, args) {
+        which if which.len() > 1 => timings.time("guess_s", || connection::guesses(volume, &lumen, which, progress))?,
+        _ => Vec::new(),
+    };
+    let line = timings.time("centerline_s", || plan(&walls, args, ends, &guesses, progress))?;
     let names = lumen.names().on(&line.points);
     Ok((line, names))
 }
 
+/// The segments between which the line may have to be guessed: all from that of one requested end to that of the other. Without a
+/// request the line stays in what fluid joins.
+fn between(lumen: &Lumen, args: &CenterlineArgs) -> Range<usize> {
+    if !lumen.ordered || args.from.is_none() && args.to.is_none() {
+        return 0..0;
+    }
+    let all = 0..lumen.segments.len();
+    let segment = |p: Option<Point>| match p {
+        Some(Point::World(p)) => lumen.nearest_gas(p, SNAP_MM).map(|f| f.0),
+        Some(Point::Rectum) => Some(0),
+        Some(Point::Cecum) => all.end.checked_sub(1),
+        None => None,
+    };
+    match (segment(args.from), segment(args.to)) {
+        (Some(a), Some(b)) => a.min(b)..a.max(b) + 1,
+        _ => all,
+    }
+}
+
 /// The rectal end of the first and the cecal end of the last of the segments.
-fn outermost(lumen: &Lumen, which: std::ops::Range<usize>) -> [DVec3; 2] {
+fn outermost(lumen: &Lumen, which: Range<usize>) -> [DVec3; 2] {
     if lumen.ordered {
         return [lumen.segments[which.start].ends[0], lumen.segments[which.end - 1].ends[1]];
     }
@@ -131,7 +156,19 @@ fn outermost(lumen: &Lumen, which: std::ops::Range<usize>) -> [DVec3; 2] {
 
 /// The ends of the largest segment and of those that fluid joins to it, one after the other.
 fn joined(lumen: &Lumen) -> [DVec3; 2] {
-    let Some(largest) = lumen.largest() else { return [DVec3::ZERO; 2] };
+    let which = joined_segments(lumen);
+    if which.is_empty() {
+        return [DVec3::ZERO; 2];
+    }
+    if which.len() > 1 {
+        say(&format!("{} segments of gas are joined through tagged fluid", which.len()));
+    }
+    outermost(lumen, which)
+}
+
+/// The largest segment and those that fluid joins to it, one after the other.
+fn joined_segments(lumen: &Lumen) -> Range<usize> {
+    let Some(largest) = lumen.largest() else { return 0..0 };
     let (mut first, mut last) = (largest, largest);
     if lumen.ordered {
         while first > 0 && lumen.segments[first].joined_to.contains(&(first - 1)) {
@@ -140,11 +177,8 @@ fn joined(lumen: &Lumen) -> [DVec3; 2] {
         while last + 1 < lumen.segments.len() && lumen.segments[last].joined_to.contains(&(last + 1)) {
             last += 1;
         }
-        if last > first {
-            say(&format!("{} segments of gas are joined through tagged fluid", last - first + 1));
-        }
     }
-    outermost(lumen, first..last + 1)
+    first..last + 1
 }
 
 /// The line between the requested points; `ends` are the rectal and the cecal end.
@@ -152,7 +186,7 @@ fn plan(
     walls: &WallDistance,
     args: &CenterlineArgs,
     ends: [DVec3; 2],
-    guesses: &[[DVec3; 2]],
+    guesses: &[Vec<DVec3>],
     progress: &Progress,
 ) -> Result<Centerline> {
     let end = |p: Point| match p {

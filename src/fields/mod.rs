@@ -4,6 +4,7 @@
 pub mod centerline;
 pub mod cleanse;
 pub(crate) mod clearance;
+pub mod connection;
 pub(crate) mod distance;
 pub mod lumen;
 mod neighbours;
@@ -14,6 +15,7 @@ pub(crate) mod wall;
 
 pub use centerline::{Centerline, CenterlineMethod};
 pub use clearance::{Clearance, ClearanceFinder, Clearances};
+pub use connection::Connection;
 pub use distance::{Through, WallDistance};
 pub use lumen::Lumen;
 pub use sample::{Distance, Sample};

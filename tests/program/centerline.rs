@@ -234,6 +234,46 @@ fn what_cannot_be_done_says_why() {
     assert!(!Path::new(&at("c.json")).exists(), "nothing is left of what failed");
 }
 
+/// A colon that is collapsed twice: the line follows guesses that are marked and near the truth, and a flight tells them.
+#[test]
+fn collapsed_stretches_are_guessed_near_the_truth_and_told() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |n: &str| dir.path().join(n).to_str().unwrap().to_owned();
+    let (scan, truth) = (at("scan.nii"), at("truth.json"));
+    run(&["phantom", "--out", &scan, "--truth", &truth, "--size", "small", "--with", "collapsed", "--seed", "3"], 0);
+    let truth: Truth = serde_json::from_value(json(Path::new(&truth))).unwrap();
+    let line_to = |more: &[&str]| {
+        run(&[&["centerline", &scan, "--out", &at("c.json"), "--stats", &at("s.json")], more].concat(), 0);
+        (json(Path::new(&at("c.json"))), json(Path::new(&at("s.json")))["guessed_mm"].clone())
+    };
+    let ends = ["--from", "rectum", "--to", "cecum"];
+    let (line, guessed) = line_to(&ends);
+    let guessed: Vec<[f64; 2]> = serde_json::from_value(guessed).unwrap();
+    assert_eq!(guessed.len(), truth.collapsed.len());
+    let (points, radius) = (points(&line), line["radius_mm"].as_array().unwrap().clone());
+    let mut along = 0.0;
+    for (n, &p) in points.iter().enumerate() {
+        along += if n > 0 { p.distance(points[n - 1]) } else { 0.0 };
+        let is_guess = guessed.iter().any(|g| along > g[0] + 1e-6 && along < g[1] - 1e-6);
+        assert!(!is_guess || radius[n] == 0.0 && off(p, &truth.centerline) < 10.0, "{along} mm");
+    }
+    assert!((line["length_mm"].as_f64().unwrap() - along).abs() < 1e-6);
+    for threads in ["1", "2"] {
+        assert_eq!(line_to(&[&ends[..], &["--threads", threads]].concat()).0, line);
+    }
+    // The flight ends where the gas does, and says how it would go on.
+    let stats = at("f.json");
+    let fly = ["fly", &scan, "--headless", "--guide", "path", "--stats", &stats];
+    let said = String::from_utf8(run(&[&fly[..], &ends].concat(), 4).stderr).unwrap();
+    assert!(said.contains("from the rectum to the cecum: 5 stretches: "), "{said}");
+    let stats = json(Path::new(&stats));
+    let told = stats["connection"].as_array().unwrap();
+    let kinds: Vec<&str> = told.iter().map(|s| s["kind"].as_str().unwrap()).collect();
+    assert_eq!(kinds, ["gas", "collapsed", "gas", "collapsed", "gas"]);
+    assert_eq!((&told[1]["from"], &told[1]["to"]), (&0.into(), &1.into()));
+    assert!(stats["length_mm"].as_f64().unwrap() < told[0]["length_mm"].as_f64().unwrap() + 60.0, "only gas is flown");
+}
+
 /// The real scan: its three segments of gas, each from end to end, and the whole colon through the fluid between them.
 #[test]
 fn the_real_scan_by_segments_and_as_a_whole() {

@@ -2,6 +2,7 @@
 
 mod assemble;
 mod commands;
+mod connecting;
 mod survey;
 #[cfg(feature = "window")]
 mod told;
@@ -55,6 +56,7 @@ pub struct FlightApp {
     /// The camera's last valid pose.
     sound: Option<Pose>,
     queries: views::Queries,
+    connecting: connecting::Connecting,
 }
 
 /// What a flight flies through, where, and how.
@@ -130,7 +132,8 @@ impl FlightApp {
             app.plug(plugin)?;
         }
         let commands = CommandRecord::default();
-        let mut flight = Self { app, setup, commands, progress, sound: None, queries: views::Queries::default() };
+        let (queries, connecting) = (views::Queries::default(), connecting::Connecting::default());
+        let mut flight = Self { app, setup, commands, progress, sound: None, queries, connecting };
         flight.rebuild()?;
         flight.views().prepare()?;
         flight.set_out();

@@ -1,5 +1,5 @@
-//! Built-in overlays: the camera's tentacles, and the mines and forces that act on it, drawn over the picture (paper, figures 4
-//! and 5).
+//! Built-in overlays: the camera's tentacles, the mines and forces that act on it (paper, figures 4 and 5), and how the colon goes on
+//! beyond the gas, drawn over the picture.
 //!
 //! Each is one file, with its entry in [`BUILT_IN`]. All are hidden at first, and nothing is computed for a hidden one. What a
 //! picture cannot show, because it begins at the eye or is behind the camera, is drawn in two small views of the surroundings
@@ -9,6 +9,7 @@
 //! None is close to the pink of the wall, and no information is conveyed by colour alone.
 
 pub mod forces;
+pub mod gaps;
 pub mod mines;
 pub mod surroundings;
 pub mod tentacles;
@@ -17,7 +18,7 @@ use crate::app::Overlay;
 use crate::app::overlay::{Align, Canvas, Colour, Place2};
 
 /// All overlays of this crate.
-pub const BUILT_IN: [Overlay; 3] = [tentacles::OVERLAY, mines::OVERLAY, forces::OVERLAY];
+pub const BUILT_IN: [Overlay; 4] = [tentacles::OVERLAY, mines::OVERLAY, forces::OVERLAY, gaps::OVERLAY];
 
 /// Outline of the marks, so that they stand out on every background.
 const EDGE: Colour = [0, 0, 0];

@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use serde_json::json;
 
+use crate::app::overlays::gaps;
 use crate::app::plan::triple;
 use crate::app::{Catalog, FlightApp, FlightRequest, ImageSettings, Overlay, Place, Scan, Scene, Steering, Timings};
 use crate::cli::Program;
@@ -312,7 +313,7 @@ fn fly_with(
 ) -> Result<()> {
     let mut scene = scene(program, args, global, Screen::None)?;
     let overlays = overlays(program, args, &scene)?.into_iter().filter(|o| args.overlay.iter().any(|n| n == o.name));
-    let overlays = overlays.collect();
+    let overlays: Vec<Overlay> = overlays.collect();
     let covering = Covering::asked(args, global)?;
     let commands = args.replay.as_deref().map(read_commands).transpose()?;
     if extent == Extent::Short && args.size.is_none() {
@@ -337,6 +338,12 @@ fn fly_with(
             return Err(e);
         }
     };
+    if args.stats.is_some()
+        || flight.setup().plan.goal().missed.is_some()
+        || overlays.iter().any(|o| o.name == gaps::OVERLAY.name)
+    {
+        timings.time("connection_s", || tell_connection(&flight))?;
+    }
     let short = extent == Extent::Short;
     if !flight.setup().scene.moves() {
         say("nothing in the scene moves the camera, so it stays in place");
@@ -371,6 +378,15 @@ fn fly_with(
         output::to_stderr(format_args!("see {SHORT_FILM} and {SHORT_LOG}"));
     }
     headless::outcome(&flight)
+}
+
+/// Prints how the colon leads from one end of the flight to the other, if that is not one segment of gas.
+fn tell_connection(flight: &FlightApp) -> Result<()> {
+    if let Some(way) = flight.connection()? {
+        let [from, to] = flight.setup().plan.asked.places();
+        output::to_stderr(format_args!("from {from} to {to}: {way}"));
+    }
+    Ok(())
 }
 
 /// Prints how the flight ended.
@@ -454,6 +470,9 @@ fn stats(
         .map(|(n, ml)| json!({ "ml": ml, "ends_mm": flight.setup().lumen.segments[n].ends }))
         .collect();
     m.insert("unflown".to_owned(), json!(unflown));
+    if let Some(way) = flight.found_connection() {
+        m.insert("connection".to_owned(), json!(way));
+    }
     let setup = flight.setup();
     if let Some(lying) = setup.lumen.lying {
         m.insert("position".to_owned(), json!(lying));

@@ -3,7 +3,7 @@
 //! The path is found over the lumen's cells (see `cells`) at a cost of length × (1 + (8 mm / clearance)²). It runs
 //! through their voxels from face to face, so it cannot pass through a wall, however thin. The line is then tightened
 //! while it stays inside, and moved towards the lumen's axis (see `fit`). Collapsed stretches between two pieces of the
-//! lumen are bridged by a straight line, which is listed as a guess.
+//! lumen are bridged along guesses (see `connection`), which are listed.
 
 mod cells;
 mod fit;
@@ -19,6 +19,8 @@ use super::{Lumen, WallDistance};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use cells::Cells;
+
+pub(in crate::fields) use polyline::{length, smoothed, spaced};
 
 /// Distance between the line's points, mm.
 const STEP_MM: f64 = 1.0;
@@ -107,8 +109,8 @@ impl CenterlineMethod {
 
 /// Finds the line of a lumen from `from` to `to`.
 ///
-/// `guesses` are pairs of positions (world, mm) between which the lumen may be collapsed (see [`gaps`]). They are used
-/// only if there is no other path.
+/// `guesses` are lines (world, mm) from one piece of the lumen to another, between which it may be collapsed (see
+/// [`connection::guesses`](crate::fields::connection::guesses) and [`gaps`]). They are used only if there is no other path.
 ///
 /// # Errors
 /// Returns status 4 if an end is not in the lumen, if there is no path, or when interrupted.
@@ -116,7 +118,7 @@ pub fn between(
     walls: &WallDistance,
     from: End,
     to: End,
-    guesses: &[[DVec3; 2]],
+    guesses: &[Vec<DVec3>],
     progress: &Progress,
 ) -> Result<Centerline> {
     by(CenterlineMethod::PenalisedPath, walls, from, to, guesses, progress)
@@ -131,7 +133,7 @@ pub fn by(
     walls: &WallDistance,
     from: End,
     to: End,
-    guesses: &[[DVec3; 2]],
+    guesses: &[Vec<DVec3>],
     progress: &Progress,
 ) -> Result<Centerline> {
     let smooth = matches!(method, CenterlineMethod::PenalisedPath | CenterlineMethod::PeelOnion);
@@ -158,7 +160,7 @@ fn search(
     smooth: bool,
     walls: &WallDistance,
     [from, to]: [End; 2],
-    guesses: &[[DVec3; 2]],
+    guesses: &[Vec<DVec3>],
     progress: &Progress,
 ) -> Result<Centerline> {
     progress.stage("finding the centerline", 0);
@@ -194,13 +196,13 @@ pub fn far_ends(walls: &WallDistance, progress: &Progress) -> Result<[DVec3; 2]>
     Ok(if ends[0].z <= ends[1].z { ends } else { [ends[1], ends[0]] })
 }
 
-/// Returns the gaps between consecutive gas segments from rectum to cecum, where the lumen may be collapsed. If fluid
-/// joins two segments, their gap is within one piece of the lumen and is not used. Empty if the order is unknown.
-pub fn gaps(lumen: &Lumen) -> Vec<[DVec3; 2]> {
+/// Returns the gaps between consecutive gas segments from rectum to cecum, where the lumen may be collapsed, as straight lines. If
+/// fluid joins two segments, their gap is within one piece of the lumen and is not used. Empty if the order is unknown.
+pub fn gaps(lumen: &Lumen) -> Vec<Vec<DVec3>> {
     if !lumen.ordered {
         return Vec::new();
     }
-    lumen.segments.windows(2).map(|w| [w[0].ends[1], w[1].ends[0]]).collect()
+    lumen.segments.windows(2).map(|w| vec![w[0].ends[1], w[1].ends[0]]).collect()
 }
 
 fn narrow(clearance: f64) -> f64 {
@@ -301,35 +303,41 @@ impl Planner<'_> {
         self.cells.node_at(voxel).map(|n| self.cells.piece(n))
     }
 
-    /// Finds a line across gaps: the lumen's pieces in order, joined by straight guesses.
-    fn bridged(&self, from: End, to: End, guesses: &[[DVec3; 2]]) -> Result<Centerline> {
+    /// Finds a line across gaps: the lumen's pieces in order, joined by guesses.
+    fn bridged(&self, from: End, to: End, guesses: &[Vec<DVec3>]) -> Result<Centerline> {
         let goal = self.piece(to.place());
         let mut line: Option<Centerline> = None;
         let mut here = from;
+        let mut guess: Vec<DVec3> = Vec::new();
         // A guess within one piece is not needed.
-        let mut open: Vec<[DVec3; 2]> =
-            guesses.iter().copied().filter(|g| self.piece(g[0]) != self.piece(g[1])).collect();
+        let ends = |g: &[DVec3]| Some([*g.first()?, *g.last()?]);
+        let leads = |g: &&Vec<DVec3>| ends(g).is_some_and(|[a, b]| self.piece(a) != self.piece(b));
+        let mut open: Vec<Vec<DVec3>> = guesses.iter().filter(leads).cloned().collect();
+        let starts = |g: &[DVec3]| g.first().and_then(|&a| self.piece(a));
+        let stops = |g: &[DVec3]| g.last().and_then(|&b| self.piece(b));
         // Guesses follow each other along the colon, towards the cecum or back towards the rectum.
         if open
             .iter()
-            .position(|g| self.piece(g[1]) == self.piece(from.place()))
-            .is_some_and(|at| open[..=at].iter().any(|g| self.piece(g[0]) == goal))
+            .position(|g| stops(g) == self.piece(from.place()))
+            .is_some_and(|at| open[..=at].iter().any(|g| starts(g) == goal))
         {
-            open = open.iter().rev().map(|&[a, b]| [b, a]).collect();
+            open.iter_mut().for_each(|g| g.reverse());
+            open.reverse();
         }
         loop {
             let at = self.piece(here.place());
             if at == goal {
                 return match self.route(here, to)? {
-                    Some(rest) => Ok(joined(line, rest)),
+                    Some(rest) => Ok(joined(line, &guess, rest)),
                     None => Err(no_way(from, to)),
                 };
             }
-            let Some(next) = open.iter().position(|g| self.piece(g[0]) == at) else { return Err(no_way(from, to)) };
-            let [a, b] = open.remove(next);
+            let Some(next) = open.iter().position(|g| starts(g) == at) else { return Err(no_way(from, to)) };
+            let next = open.remove(next);
+            let Some([a, b]) = ends(&next) else { return Err(no_way(from, to)) };
             let part = self.route(here, End::At(a))?.ok_or_else(|| no_way(from, to))?;
-            line = Some(joined(line, part));
-            here = End::At(b);
+            line = Some(joined(line, &guess, part));
+            (here, guess) = (End::At(b), next);
         }
     }
 }
@@ -361,7 +369,7 @@ fn finished(walls: &WallDistance, line: &[DVec3]) -> Centerline {
     let radius = |p: &DVec3| crate::fields::Distance::sample(walls, *p).map_or(0.0, |s| s.mm.max(0.0));
     Centerline {
         radius_mm: line.iter().map(radius).collect(),
-        length_mm: polyline::length(line),
+        length_mm: length(line),
         points: line.to_vec(),
         guessed: Vec::new(),
     }
@@ -398,16 +406,17 @@ fn last_ball(walls: &WallDistance, line: &mut Vec<DVec3>) {
     line.truncate(best.1);
 }
 
-/// Appends a line to another, with a guess between them.
-fn joined(line: Option<Centerline>, rest: Centerline) -> Centerline {
+/// Appends a line to another, with a guess between them. The guess begins and ends where the lines do.
+fn joined(line: Option<Centerline>, guess: &[DVec3], rest: Centerline) -> Centerline {
     let Some(mut line) = line else { return rest };
     let (Some(&a), Some(&b)) = (line.points.last(), rest.points.first()) else { return rest };
-    let gap = a.distance(b);
-    let steps = (gap / STEP_MM).ceil().max(1.0) as usize;
-    for n in 1..steps {
-        line.points.push(a.lerp(b, n as f64 / steps as f64));
-        line.radius_mm.push(0.0);
-    }
+    let inner = guess.get(1..guess.len().saturating_sub(1)).unwrap_or_default();
+    let way: Vec<DVec3> = std::iter::once(a).chain(inner.iter().copied()).chain([b]).collect();
+    let gap = length(&way);
+    let between = spaced(&way, STEP_MM);
+    let between = &between[1..between.len() - 1];
+    line.points.extend(between);
+    line.radius_mm.resize(line.points.len(), 0.0);
     let begins = line.length_mm;
     line.guessed.push([begins, begins + gap]);
     line.guessed.extend(rest.guessed.iter().map(|g| g.map(|s| s + begins + gap)));

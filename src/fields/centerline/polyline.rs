@@ -90,13 +90,24 @@ pub(super) fn resampled(walls: &WallDistance, line: &[DVec3], step: f64) -> Vec<
 }
 
 /// Returns the length of a line, mm.
-pub(super) fn length(line: &[DVec3]) -> f64 {
-    line.windows(2).map(|w| w[0].distance(w[1])).sum()
+pub(in crate::fields) fn length(line: &[DVec3]) -> f64 {
+    // An empty sum is −0.
+    line.windows(2).map(|w| w[0].distance(w[1])).sum::<f64>() + 0.0
+}
+
+/// Returns a line with more points, at most `step` mm apart, whether or not it is free.
+pub(in crate::fields) fn spaced(line: &[DVec3], step: f64) -> Vec<DVec3> {
+    let mut out: Vec<DVec3> = line.iter().take(1).copied().collect();
+    for w in line.windows(2) {
+        let steps = (w[0].distance(w[1]) / step).ceil().clamp(1.0, 1e6) as usize;
+        out.extend((1..steps).map(|n| w[0].lerp(w[1], n as f64 / steps as f64)).chain([w[1]]));
+    }
+    out
 }
 
 /// Smooths a line's values with a Gaussian of standard deviation `sigma` (in points). Values are mirrored through the
 /// ends, which stay.
-pub(super) fn smoothed(values: &[DVec3], sigma: f64) -> Vec<DVec3> {
+pub(in crate::fields) fn smoothed(values: &[DVec3], sigma: f64) -> Vec<DVec3> {
     let reach = (3.0 * sigma).ceil() as i64;
     let bell: Vec<f64> = (-reach..=reach).map(|n| (-0.5 * (n as f64 / sigma.max(1e-9)).powi(2)).exp()).collect();
     let last = values.len() as i64 - 1;

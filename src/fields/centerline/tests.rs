@@ -128,7 +128,8 @@ fn collapsed_stretches_are_marked_guesses() {
     });
     let at = |x: f64| DVec3::new(x, 7.0, 7.0);
     let p = Progress::new();
-    let guesses = [[at(37.0), at(48.0)], [at(67.0), at(81.0)]];
+    let straight = |a: f64, b: f64| vec![at(a), at(b)];
+    let guesses = [straight(37.0, 48.0), straight(67.0, 81.0)];
     assert!(between(&walls, End::At(at(5.0)), End::At(at(110.0)), &[], &p).is_err());
     assert!(between(&walls, End::At(at(5.0)), End::At(at(110.0)), &guesses[1..], &p).is_err());
     for (from, to) in [(5.0, 110.0), (110.0, 5.0)] {
@@ -142,11 +143,21 @@ fn collapsed_stretches_are_marked_guesses() {
         assert!(line.radius_mm.iter().filter(|r| **r == 0.0).count() >= 20);
     }
     // A guess within one piece bridges nothing. Fluid that joins two gas segments leaves such guesses.
-    let more = [[at(10.0), at(20.0)], guesses[0], [at(52.0), at(60.0)], guesses[1], [at(90.0), at(100.0)]];
+    let [first, second] = guesses.clone();
+    let more = [straight(10.0, 20.0), first, straight(52.0, 60.0), second, straight(90.0, 100.0)];
     for (from, to) in [(5.0, 110.0), (110.0, 5.0)] {
         let [line, with_more] =
             [&guesses[..], &more].map(|g| between(&walls, End::At(at(from)), End::At(at(to)), g, &p).unwrap());
         assert_eq!(line, with_more);
+    }
+    // A guess that is bent is followed, in both directions.
+    let bent = [vec![at(37.0), at(42.0) + DVec3::Y * 9.0, at(48.0)], straight(67.0, 81.0)];
+    for (from, to) in [(5.0, 110.0), (110.0, 5.0)] {
+        let line = between(&walls, End::At(at(from)), End::At(at(to)), &bent, &p).unwrap();
+        let guessed: f64 = line.guessed.iter().map(|g| g[1] - g[0]).sum();
+        assert!((guessed - (14.0 + 106f64.sqrt() + 117f64.sqrt())).abs() < 1e-9, "{guessed}");
+        assert!(line.points.iter().any(|p| p.distance(at(42.0) + DVec3::Y * 9.0) < 1e-9));
+        assert!(line.points.windows(2).all(|w| w[0].distance(w[1]) < 1.2) && line.points.len() == line.radius_mm.len());
     }
     // From one piece to the one before or after it.
     for (from, to) in [(60.0, 5.0), (5.0, 60.0), (110.0, 60.0), (60.0, 110.0)] {

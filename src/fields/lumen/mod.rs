@@ -442,6 +442,11 @@ impl Lumen {
         &self.fluid
     }
 
+    /// Returns the runs of gas that looked like a colon's and was judged to be none, labelled with the number of its kind.
+    pub(in crate::fields) fn other(&self) -> &Rows {
+        &self.other
+    }
+
     /// Returns the segment with the most gas, if there is any.
     pub fn largest(&self) -> Option<usize> {
         (0..self.segments.len()).reduce(|a, b| if self.segments[b].ml > self.segments[a].ml { b } else { a })
