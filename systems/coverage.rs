@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::schedule::{App, FlightSystems, Main, Slot};
 
 /// Work of a step, in tests of whether a patch is in the picture: less than 0.1 ms, and there are four steps in a frame.
-const WORK: u32 = 3000;
+const WORK: u32 = 12_000;
 
 /// Adds the system that watches. The camera has a [`LiveCoverage`].
 ///

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use bevy_ecs::prelude::*;
 use glam::{DVec3, Vec3};
 
-use super::sight::{Eye, Sightline};
+use super::sight::{Eye, REACH, Sightline};
 use super::wall::{Block, Wall};
 use crate::dynamics::Attitude;
 use crate::error::Result;
@@ -22,13 +22,19 @@ use crate::render::camera::Perspective;
 use crate::space::PreparedVolume;
 
 /// A hidden patch or block is asked again when the camera has moved by this share of its distance.
-const AGAIN: f32 = 0.06;
+const AGAIN: f32 = 0.03;
 /// Patches of a block that are asked before it is taken as hidden.
 const PROBES: usize = 3;
 /// A ray costs as much as this many tests of whether a patch is in the picture.
-const RAY: u32 = 24;
+const RAY: u32 = 100;
 /// How far before a triangle the gas is that it belongs to, mm.
 const INTO_GAS_MM: f64 = 0.8;
+
+/// A block counts as passed, and what was not seen of it as missed, when the camera has come this near and has flown on so far, mm.
+const NEAR_MM: f32 = 30.0;
+const PASSED_MM: f32 = 60.0;
+/// How long what was missed stays painted when it was seen after all, s.
+const FADES_S: f32 = 3.0;
 
 /// A wall and what was seen of it until now.
 #[derive(Component, Clone, Debug)]
@@ -43,12 +49,14 @@ pub struct LiveCoverage {
     mm2: Vec<f32>,
     /// The segment that each patch belongs to.
     segments: Vec<u16>,
-    /// When each patch was first seen, s; infinite until then.
+    /// When each patch was first seen, s: infinite until then, and minus infinity if it was not missed before.
     seen_s: Vec<f32>,
     /// The odometer's reading from which each patch is asked again, mm.
     due_mm: Vec<f32>,
     /// The same for each block.
     block_due_mm: Vec<f32>,
+    /// The odometer's reading when the camera first came near each block, mm; infinite until then.
+    near_mm: Vec<f32>,
     /// The number of patches of each block that were not seen.
     left: Vec<u32>,
     /// What belongs to each segment.
@@ -121,6 +129,7 @@ impl LiveCoverage {
             seen_s: vec![f32::INFINITY; patches],
             due_mm: vec![0.0; patches],
             block_due_mm: vec![0.0; wall.block_count()],
+            near_mm: vec![f32::INFINITY; wall.block_count()],
             left,
             shares,
             taken: 0,
@@ -201,7 +210,12 @@ impl LiveCoverage {
             let b = now.block;
             if now.asked == 0 {
                 *work = work.saturating_sub(1);
-                if self.left[b] == 0 || self.block_due_mm[b] > self.odometer_mm || !line.may_see_block(b, &now.eye) {
+                let is_over = self.left[b] == 0 || self.block_due_mm[b] > self.odometer_mm;
+                let squared = if is_over { f32::INFINITY } else { line.square_to_block(b, &now.eye) };
+                if squared < NEAR_MM * NEAR_MM {
+                    self.near_mm[b] = self.near_mm[b].min(self.odometer_mm);
+                }
+                if squared > REACH * REACH || !line.may_see_block(b, &now.eye, true) {
                     now.block += 1;
                     continue;
                 }
@@ -235,7 +249,7 @@ impl LiveCoverage {
                 now.tried = true;
                 if line.is_free(wall.patches[p].middle as usize, &now.eye, &mut now.blocked) {
                     now.free = true;
-                    self.seen_s[p] = now.seconds;
+                    self.seen_s[p] = if self.is_passed(b) { now.seconds } else { f32::NEG_INFINITY };
                     self.left[b] -= 1;
                     self.shares[usize::from(self.segments[p])].seen_mm2 += f64::from(self.mm2[p]);
                 } else {
@@ -301,11 +315,18 @@ impl LiveCoverage {
         self.seen_s[patch] == f32::INFINITY && self.shares[usize::from(self.segments[patch])].visited
     }
 
-    /// Returns how much a patch is painted as unseen at a time of the flight, s: 1 until it was seen, and then less and less for 3 s, so
-    /// that what comes into sight can be looked at.
-    pub(super) fn paint(&self, patch: usize, seconds: f32) -> f32 {
-        let since = seconds - self.seen_s[patch];
-        (1.0 - since.max(0.0) / FADES_S).clamp(0.0, 1.0)
+    /// True if the flight has gone on so far since it came near a block that what it has not seen of it is missed.
+    fn is_passed(&self, block: usize) -> bool {
+        self.odometer_mm - self.near_mm[block] > PASSED_MM
+    }
+
+    /// Returns how much a patch of a block is painted over a picture at a time of the flight, s: 1 once the flight has passed it and has
+    /// not seen it, and less and less for 3 s from when it was seen after all, so that it can be looked at.
+    pub(super) fn paint(&self, block: usize, patch: usize, seconds: f32) -> f32 {
+        match self.seen_s[patch] {
+            f32::INFINITY => f32::from(u8::from(self.is_passed(block))),
+            seen => (1.0 - (seconds - seen).max(0.0) / FADES_S).clamp(0.0, 1.0),
+        }
     }
 
     /// Returns the size in memory with the wall, bytes.
@@ -318,6 +339,3 @@ impl LiveCoverage {
             + size_of_val(self.left.as_slice())
     }
 }
-
-/// How long a patch that was seen stays painted, s.
-const FADES_S: f32 = 3.0;

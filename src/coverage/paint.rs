@@ -83,17 +83,17 @@ impl CoveragePaint {
         inside.then(|| (at.x + self.count.x * (at.y + self.count.y * at.z)) as usize)
     }
 
-    /// Returns the patches of a cell.
-    fn patches(&self, wall: &Wall, cell: IVec3) -> Range<usize> {
+    /// Returns the block of a cell, and its patches.
+    fn patches(&self, wall: &Wall, cell: IVec3) -> (usize, Range<usize>) {
         let found = self.number(cell.div_euclid(IVec3::splat(SIDE))).map(|n| self.blocks[n]).filter(|b| *b != NONE);
-        let Some(block) = found.map(|b| b as usize) else { return 0..0 };
+        let Some(block) = found.map(|b| b as usize) else { return (0, 0..0) };
         let first = self.cells[block][within(cell)];
         if first == ABSENT {
-            return 0..0;
+            return (0, 0..0);
         }
         let (all, first) = (wall.patches_of(block), wall.patches_of(block).start + usize::from(first));
         let here = |p: &usize| (wall.centroids[wall.patches[*p].middle as usize] / CELL_MM).floor().as_ivec3() == cell;
-        first..(first..all.end).find(|p| !here(p)).unwrap_or(all.end)
+        (block, first..(first..all.end).find(|p| !here(p)).unwrap_or(all.end))
     }
 
     /// Returns how much of the wall at a place (mm from the wall's origin) that faces against `forward` is painted, 0 to 1: the mean of
@@ -106,10 +106,11 @@ impl CoveragePaint {
         for corner in 0..8 {
             let bit = IVec3::new(corner & 1, corner >> 1 & 1, corner >> 2);
             let share = Vec3::select(bit.cmpeq(IVec3::ONE), part, 1.0 - part).element_product();
-            for p in self.patches(wall, base + bit) {
+            let (block, patches) = self.patches(wall, base + bit);
+            for p in patches {
                 // The other side of a thin fold is another wall.
                 if wall.normals[wall.patches[p].middle as usize].dot(forward) < 0.1 {
-                    sum += share * coverage.paint(p, seconds);
+                    sum += share * coverage.paint(block, p, seconds);
                     weights += share;
                 }
             }

@@ -18,6 +18,9 @@ pub const FLATTEST_DEGREES: f64 = 85.0;
 const BEFORE: f64 = 0.5;
 /// A line that is blocked is remembered this many voxels behind where it meets the wall.
 const INTO_WALL: f64 = 0.7;
+/// A patch that is hidden from so many of the nearest views is asked from every n-th of the others.
+const NEAREST: usize = 12;
+const SOME: usize = 3;
 /// Triangles of a patch that are tried from a view before it is taken as hidden from there.
 const PROBES: usize = 3;
 
@@ -43,9 +46,9 @@ impl Wall {
     /// Returns what is seen of each triangle from `views` (world position, mm, and attitude) in the square image of `camera`, all of
     /// whose rays start at its position.
     ///
-    /// With `count`, all views that see a triangle are counted. Without, one is enough, and from a view from which three triangles of a
-    /// patch are hidden the others are not looked at, different ones each time: a tenth of the time, and in a colon less than
-    /// 0.1 % of the area less.
+    /// With `count`, all views that see a triangle are counted. Without, one is enough, and what is most likely hidden is not asked: the
+    /// other triangles of a patch of which three are hidden from a view (different ones each time), and two of three views once a patch
+    /// was hidden from the twelve nearest. In a colon that is 0.3 % of the area less, in a thirtieth of the time.
     pub fn seen<C: Camera + ?Sized>(
         &self,
         volume: &PreparedVolume,
@@ -72,6 +75,8 @@ impl Wall {
                 eyes.iter().filter(|e| e.at.distance_squared(e.at.clamp(low, high)) <= REACH * REACH).collect();
             // The nearest is the most likely to see it. Sorted stably, so that it does not depend on the threads.
             near.sort_by(|a, b| a.at.distance_squared(middle).total_cmp(&b.at.distance_squared(middle)));
+            let inside: Vec<[bool; 2]> =
+                near.iter().map(|e| [true, false].map(|ahead| sight.may_see_block(block, e, ahead))).collect();
             let mut blocked = vec![f64::INFINITY; near.len()];
             let first = self.patches[self.blocks[block].first as usize].first as usize;
             // The view that saw the last patch probably sees the next one, too.
@@ -93,13 +98,19 @@ impl Wall {
                         continue;
                     }
                     let whole = left.len();
-                    let mut turn = 0;
+                    let (mut turn, mut tried) = (0, 0);
                     // The hint first, and not again.
                     let start = *hint;
                     let others = (0..near.len()).filter(|e| *e != start);
-                    for e in (start < near.len()).then_some(start).into_iter().chain(others) {
+                    let first_hint = (start < near.len()).then_some(start).into_iter();
+                    for e in first_hint.chain(others).filter(|e| inside[*e][usize::from(!ahead)]) {
                         if left.is_empty() {
                             break;
+                        }
+                        tried += 1;
+                        // What is hidden from the nearest views is in all likelihood hidden from most of the others.
+                        if left.len() == whole && tried > NEAREST && tried % SOME != 0 {
+                            continue;
                         }
                         let (eye, blocked) = (near[e], &mut blocked[e]);
                         let mut sees = |n: usize| sight.is_seen(n, eye, ahead, blocked);
@@ -143,21 +154,32 @@ pub(super) struct Sightline<'a, C: Camera + ?Sized> {
     voxel: f64,
     /// The cosine of the flattest angle.
     flattest: f32,
+    /// The tangent of half the view angle of a perspective camera.
+    tangent: Option<f32>,
 }
 
 impl<'a, C: Camera + ?Sized> Sightline<'a, C> {
     pub(super) fn new(wall: &'a Wall, volume: &'a PreparedVolume, camera: &'a C) -> Self {
         let voxel = volume.voxels().grid().spacing().min_element();
         let flattest = FLATTEST_DEGREES.to_radians().cos() as f32;
-        Self { wall, volume, camera, iso: volume.transfer().iso(), voxel, flattest }
+        let tangent = camera.tangent().map(|t| t as f32);
+        Self { wall, volume, camera, iso: volume.transfer().iso(), voxel, flattest, tangent }
     }
 
-    /// False if no triangle of a block can be seen from a view, looking ahead.
-    pub(super) fn may_see_block(&self, block: usize, eye: &Eye) -> bool {
+    /// Returns the square of the distance of a view to the box of a block, mm².
+    pub(super) fn square_to_block(&self, block: usize, eye: &Eye) -> f32 {
         let Block { low, high, .. } = self.wall.blocks[block];
-        let (middle, half) = (low.midpoint(high) - eye.at, 0.5 * (high - low));
-        let is_behind = eye.forward.dot(middle) + eye.forward.abs().dot(half) < 0.0;
-        !is_behind && eye.at.distance_squared(eye.at.clamp(low, high)) <= REACH * REACH
+        eye.at.distance_squared(eye.at.clamp(low, high))
+    }
+
+    /// False if no triangle of a block can be seen from a view that looks ahead or back, apart from its distance.
+    pub(super) fn may_see_block(&self, block: usize, eye: &Eye, ahead: bool) -> bool {
+        let Block { low, high, .. } = self.wall.blocks[block];
+        let (middle, radius) = (low.midpoint(high) - eye.at, 0.5 * low.distance(high));
+        let forward = eye.forward.dot(middle) * if ahead { 1.0 } else { -1.0 };
+        let Some(t) = self.tangent else { return true };
+        let far = radius * (1.0 + t * t).sqrt();
+        eye.right.dot(middle).abs() - t * forward <= far && eye.up.dot(middle).abs() - t * forward <= far
     }
 
     /// True if a triangle is within reach, faces the view and is inside the picture, looking ahead or back.
@@ -168,7 +190,12 @@ impl<'a, C: Camera + ?Sized> Sightline<'a, C> {
         if squared > REACH * REACH || facing <= 0.0 || facing * facing <= self.flattest * self.flattest * squared {
             return false;
         }
-        let [right, up, forward] = [eye.right, eye.up, eye.forward].map(|axis| f64::from(to.dot(axis)));
+        let [right, up, forward] = [eye.right, eye.up, eye.forward].map(|axis| to.dot(axis));
+        if let Some(t) = self.tangent {
+            let most = t * if ahead { forward } else { -forward };
+            return right.abs() <= most && up.abs() <= most;
+        }
+        let [right, up, forward] = [right, up, forward].map(f64::from);
         // Looking back, right becomes left.
         let place = if ahead { DVec3::new(right, up, forward) } else { DVec3::new(-right, up, -forward) };
         self.camera.project(place).is_some_and(|at| at.abs().max_element() <= 1.0)
