@@ -2,6 +2,7 @@
 
 mod assemble;
 mod commands;
+mod review;
 mod survey;
 #[cfg(feature = "window")]
 mod told;
@@ -35,6 +36,7 @@ use crate::space::PreparedVolume;
 use crate::systems;
 
 pub use commands::CommandRecord;
+pub use review::TourPlan;
 pub use survey::{Covered, Survey};
 #[cfg(feature = "window")]
 pub(crate) use told::{Onward, onward};
@@ -52,6 +54,10 @@ pub struct FlightApp {
     /// The commands that took effect, and those that are left to replay.
     pub commands: CommandRecord,
     progress: Arc<Progress>,
+    /// The review that is under way.
+    reviewing: Option<review::Reviewing>,
+    /// Number of stops that the last review has looked at.
+    reached: usize,
     /// The camera's last valid pose.
     sound: Option<Pose>,
     queries: views::Queries,
@@ -130,7 +136,8 @@ impl FlightApp {
             app.plug(plugin)?;
         }
         let commands = CommandRecord::default();
-        let mut flight = Self { app, setup, commands, progress, sound: None, queries: views::Queries::default() };
+        let queries = views::Queries::default();
+        let mut flight = Self { app, setup, commands, progress, reviewing: None, reached: 0, sound: None, queries };
         flight.rebuild()?;
         flight.views().prepare()?;
         flight.set_out();
@@ -151,7 +158,7 @@ impl FlightApp {
         }
         let stepped = self.app.step();
         self.keep_sound();
-        stepped
+        stepped.and_then(|()| self.end_finished_review())
     }
 
     /// Moves the camera back to its last valid pose, at rest, if a plug-in has written an invalid position, direction or speed.

@@ -1,0 +1,271 @@
+//! Ways through the lumen between many places: how long each is, and the line to fly.
+//!
+//! One search over all cells from the first place gives a tree of least-cost paths (as for the centerline: narrow places cost more, and
+//! those that a body does not fit through are closed). Up that tree from one place and down to another leads a way that never leaves the
+//! lumen; in a tube, where the paths soon merge, it is about the shortest. For places near each other, which a pocket or a bend may
+//! join more directly, a search from each of them goes as far as [`NEAR_MM`]. `O(m log m)` for `m` cells, and `O(k log k)` for the `k`
+//! cells near each place, in parallel.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::cells::Cells;
+use super::{Centerline, SNAP_MM, STEP_MM, TIGHTEN, finished, narrow, polyline};
+use crate::error::Result;
+use crate::fields::WallDistance;
+use crate::fields::neighbours;
+use crate::progress::Progress;
+
+/// Length of the ways that the search around each place finds, mm.
+const NEAR_MM: f64 = 60.0;
+
+/// The ways between places in the lumen.
+pub struct Legs<'a> {
+    walls: &'a WallDistance,
+    cells: Cells,
+    /// Minimum distance to the wall, mm.
+    least_mm: f64,
+    stops: Vec<Option<Stop>>,
+    /// The least-cost paths from the first place.
+    tree: neighbours::Ways,
+    /// Lengths of the ways to places near each place, mm; infinite to others.
+    near: Vec<Vec<f64>>,
+}
+
+/// A place in the lumen.
+#[derive(Clone, Copy, Debug)]
+struct Stop {
+    place: DVec3,
+    voxel: [i64; 3],
+    node: u32,
+}
+
+impl<'a> Legs<'a> {
+    /// Finds the ways between `places` (world mm) for a body that needs `least_mm` on each side. A place outside the lumen is moved
+    /// into it by at most 5 mm.
+    ///
+    /// # Errors
+    /// Returns status 4 if interrupted.
+    pub fn between(walls: &'a WallDistance, places: &[DVec3], least_mm: f64, progress: &Progress) -> Result<Self> {
+        let cells = Cells::of(walls, progress)?;
+        let stop = |&place: &DVec3| {
+            let voxel = walls.nearest(place, SNAP_MM)?;
+            let place = if walls.voxel(place) == voxel { place } else { walls.world(voxel) };
+            cells.node_at(voxel).map(|node| Stop { place, voxel, node })
+        };
+        let stops: Vec<Option<Stop>> = places.iter().map(stop).collect();
+        let tree = match stops.first().copied().flatten() {
+            Some(first) => cells.ways(first.node, None, |mm| weight(mm, least_mm)),
+            None => neighbours::Ways { length: vec![f64::INFINITY; cells.nodes.len()], before: Vec::new() },
+        };
+        let near = stops
+            .par_iter()
+            .map(|from| {
+                progress.check()?;
+                let Some(from) = from else { return Ok(vec![f64::INFINITY; stops.len()]) };
+                let search = Search::around(&cells, from.node, None, least_mm);
+                Ok(stops.iter().map(|to| to.map_or(f64::INFINITY, |to| search.length(to.node))).collect())
+            })
+            .collect::<Result<_>>()?;
+        Ok(Self { walls, cells, least_mm, stops, tree, near })
+    }
+
+    /// Returns the length of the way between two places, mm, counted from 0; infinite if there is none. It is that over cells, and a
+    /// line is somewhat shorter.
+    pub fn mm(&self, a: usize, b: usize) -> f64 {
+        let (Some(from), Some(to)) = (self.stop(a), self.stop(b)) else { return f64::INFINITY };
+        if from.node == to.node {
+            return from.place.distance(to.place);
+        }
+        let near = self.near[a.min(b)][a.max(b)];
+        near.min(self.along_tree(from.node, to.node).map_or(f64::INFINITY, |way| way.mm))
+    }
+
+    /// Returns the line between two places, counted from 0, which keeps away from the wall; `None` if there is no way.
+    pub fn line(&self, a: usize, b: usize) -> Option<Centerline> {
+        let (from, to) = (self.stop(a)?, self.stop(b)?);
+        let tree = self.along_tree(from.node, to.node);
+        let near = self.near[a.min(b)][a.max(b)];
+        let nodes = if from.node == to.node {
+            vec![from.node]
+        } else if tree.as_ref().is_none_or(|t| near < t.mm) {
+            let search = Search::around(&self.cells, from.node, Some(to.node), self.least_mm);
+            let ways = search.into_ways(self.cells.nodes.len());
+            if !ways.length[to.node as usize].is_finite() {
+                return None;
+            }
+            self.cells.way(&ways, to.node)
+        } else {
+            let top = tree?.top;
+            let mut up = self.cells.way(&self.tree, from.node);
+            let mut down = self.cells.way(&self.tree, to.node);
+            // Both come from the first place: what they share before they part is not flown.
+            let cut = |way: &mut Vec<u32>| match way.iter().position(|n| *n == top) {
+                Some(at) => drop(way.drain(..at)),
+                None => {}
+            };
+            cut(&mut up);
+            cut(&mut down);
+            up.reverse();
+            up.extend(down.into_iter().skip(1));
+            up
+        };
+        let voxels = self.cells.voxels(&nodes, from.voxel, to.voxel);
+        let mut line: Vec<DVec3> = voxels.into_iter().map(|v| self.walls.world(v)).collect();
+        match &mut line[..] {
+            [first, .., last] => (*first, *last) = (from.place, to.place),
+            _ => line = vec![from.place, to.place],
+        }
+        let mut line = polyline::resampled(self.walls, &line, STEP_MM);
+        polyline::tightened(self.walls, &mut line, TIGHTEN, polyline::LEAN);
+        Some(finished(self.walls, &polyline::resampled(self.walls, &line, STEP_MM)))
+    }
+
+    fn stop(&self, n: usize) -> Option<Stop> {
+        self.stops.get(n).copied().flatten()
+    }
+
+    /// Returns the way up the tree from one node and down to another; `None` if the tree does not reach both.
+    fn along_tree(&self, a: u32, b: u32) -> Option<TreeWay> {
+        let length = |n: u32| self.tree.length[n as usize];
+        if !(length(a).is_finite() && length(b).is_finite()) {
+            return None;
+        }
+        let (mut x, mut y) = (a, b);
+        // Costs grow along a path, and so do lengths: the farther one cannot be on the other's path.
+        while x != y {
+            if length(x) >= length(y) && self.tree.before[x as usize] != x {
+                x = self.tree.before[x as usize];
+            } else {
+                y = self.tree.before[y as usize];
+            }
+        }
+        Some(TreeWay { mm: length(a) + length(b) - 2.0 * length(x), top: x })
+    }
+}
+
+/// A way along the tree.
+#[derive(Clone, Copy, Debug)]
+struct TreeWay {
+    mm: f64,
+    /// The node where it is nearest to the first place.
+    top: u32,
+}
+
+fn weight(clearance: f64, least_mm: f64) -> f64 {
+    if clearance < least_mm { f64::INFINITY } else { narrow(clearance) }
+}
+
+/// The least-cost paths around a node.
+struct Search {
+    /// Node, its predecessor and the length of its path, mm, ascending by node.
+    reached: Vec<(u32, u32, f64)>,
+}
+
+impl Search {
+    /// Searches as far as [`NEAR_MM`], or as `to`: Dijkstra's algorithm as in [`neighbours`], with a bound.
+    fn around(cells: &Cells, start: u32, to: Option<u32>, least_mm: f64) -> Self {
+        let count = cells.nodes.len();
+        let (mut cost, mut before) = (vec![f64::INFINITY; count], vec![start; count]);
+        let (mut length, mut done) = (vec![f64::INFINITY; count], vec![false; count]);
+        let mut reached = Vec::new();
+        let mut open = BinaryHeap::new();
+        (cost[start as usize], length[start as usize]) = (0.0, 0.0);
+        open.push(Reverse((0u64, start)));
+        while let Some(Reverse((_, n))) = open.pop() {
+            if std::mem::replace(&mut done[n as usize], true) {
+                continue;
+            }
+            reached.push((n, before[n as usize], length[n as usize]));
+            if to == Some(n) {
+                break;
+            }
+            let mut reach = |m: u32| {
+                if done[m as usize] {
+                    return;
+                }
+                let step = cells.place(n).distance(cells.place(m));
+                let far = length[n as usize] + step;
+                let mean = 0.5 * (cells.nodes[n as usize].clearance + cells.nodes[m as usize].clearance);
+                let c = cost[n as usize] + step * weight(mean, least_mm);
+                if far <= NEAR_MM && c < cost[m as usize] {
+                    (cost[m as usize], before[m as usize], length[m as usize]) = (c, n, far);
+                    open.push(Reverse((c.to_bits(), m)));
+                }
+            };
+            for &m in cells.neighbours(n) {
+                reach(m);
+                cells.neighbours(m).iter().for_each(|&far| reach(far));
+            }
+        }
+        reached.sort_unstable_by_key(|r| r.0);
+        Self { reached }
+    }
+
+    fn length(&self, node: u32) -> f64 {
+        self.reached.binary_search_by_key(&node, |r| r.0).map_or(f64::INFINITY, |at| self.reached[at].2)
+    }
+
+    fn into_ways(self, count: usize) -> neighbours::Ways {
+        let mut ways =
+            neighbours::Ways { length: vec![f64::INFINITY; count], before: (0..count as u32).collect() };
+        for (n, before, length) in self.reached {
+            (ways.before[n as usize], ways.length[n as usize]) = (before, length);
+        }
+        ways
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A tube of radius 8 mm along x, 300 mm long, with a pocket of radius 5 mm along y at x = 150, and a chamber apart.
+    fn tube() -> WallDistance {
+        WallDistance::drawn([320, 80, 30], DVec3::ONE, |p| {
+            let main = (p.y - 12.0).hypot(p.z - 14.0) < 8.0 && (5.0..305.0).contains(&p.x);
+            let pocket = (p.x - 150.0).hypot(p.z - 14.0) < 5.0 && (12.0..60.0).contains(&p.y);
+            let apart = (p.x - 250.0).hypot(p.y - 60.0).hypot(p.z - 14.0) < 9.0;
+            main || pocket || apart
+        })
+    }
+
+    #[test]
+    fn ways_follow_the_lumen_and_their_lines_keep_inside() {
+        let walls = tube();
+        let at = |x: f64, y: f64| DVec3::new(x, y, 14.0);
+        let places = [at(20.0, 12.0), at(290.0, 12.0), at(150.0, 54.0), at(250.0, 60.0), at(135.0, 12.0)];
+        let legs = Legs::between(&walls, &places, 1.5, &Progress::new()).unwrap();
+        let expected = |a: usize, b: usize, mm: f64| {
+            let (there, back) = (legs.mm(a, b), legs.mm(b, a));
+            assert!(there == back && (there - mm).abs() < 0.1 * mm + 4.0, "{a} to {b}: {there} for {mm}");
+            let line = legs.line(a, b).unwrap();
+            assert!((line.length_mm - mm).abs() < 0.06 * mm + 3.0, "{a} to {b}: {} for {mm}", line.length_mm);
+            assert!(line.points[0] == places[a] && line.points[line.points.len() - 1] == places[b]);
+            assert!(line.points.windows(2).all(|w| polyline::is_free(&walls, w[0], w[1])));
+            assert!(line.radius_mm.iter().all(|r| *r > 1.5), "{:?}", line.radius_mm);
+        };
+        expected(0, 1, 270.0);
+        expected(0, 2, 130.0 + 40.0);
+        expected(1, 2, 140.0 + 40.0);
+        expected(2, 4, 15.0 + 40.0);
+        expected(4, 4, 0.0);
+        assert!(legs.mm(0, 3).is_infinite() && legs.line(3, 1).is_none() && legs.line(0, 9).is_none());
+    }
+
+    #[test]
+    fn what_the_body_does_not_fit_through_is_no_way() {
+        let walls = tube();
+        let places = [DVec3::new(20.0, 12.0, 14.0), DVec3::new(150.0, 54.0, 14.0), DVec3::splat(900.0)];
+        let legs = |least_mm| Legs::between(&walls, &places, least_mm, &Progress::new()).unwrap();
+        assert!(legs(1.5).mm(0, 1).is_finite() && legs(6.5).mm(0, 1).is_infinite());
+        assert!(legs(1.5).mm(0, 2).is_infinite() && legs(1.5).mm(2, 2).is_infinite());
+        let none = Legs::between(&walls, &[DVec3::NAN, places[0]], 1.5, &Progress::new()).unwrap();
+        assert!(none.mm(0, 1).is_infinite() && none.line(0, 1).is_none());
+        let empty = Legs::between(&walls, &[], 1.5, &Progress::new()).unwrap();
+        assert!(empty.mm(0, 0).is_infinite());
+    }
+}
