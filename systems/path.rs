@@ -87,8 +87,18 @@ pub struct FollowingBody {
 ///
 /// After an interruption, the plan is joined again at its nearest reachable position.
 pub fn guide_by_plan(clock: Res<Clock>, walls: Single<&Walls, With<Main>>, camera: Single<FollowingBody, With<Main>>) {
-    let FollowingBodyItem { pose, velocity, body, flight, mut planned, follower: mut held, mut guide, gaze, review, hand } =
-        camera.into_inner();
+    let FollowingBodyItem {
+        pose,
+        velocity,
+        body,
+        flight,
+        mut planned,
+        follower: mut held,
+        mut guide,
+        gaze,
+        review,
+        hand,
+    } = camera.into_inner();
     let Planned { route, s_mm, jumps, .. } = &mut *planned;
     if held.jumps != *jumps {
         (held.follower, held.velocity_before, held.last, held.jumps) = (None, None, DVec3::ZERO, *jumps);

@@ -79,11 +79,7 @@ pub fn shortest(distances: &Distances) -> Order {
     let tour = if reached.len() <= EXACT { exact(distances, &reached) } else { improved(distances, &reached) };
     let length_mm = distances.length(&tour);
     let stop = |n: usize| n - 1;
-    Order {
-        stops: tour.into_iter().map(stop).collect(),
-        left_out: out.into_iter().map(stop).collect(),
-        length_mm,
-    }
+    Order { stops: tour.into_iter().map(stop).collect(), left_out: out.into_iter().map(stop).collect(), length_mm }
 }
 
 /// Returns the length of the shortest of `count` random orders of the stops that can be reached, mm: what [`shortest`] is measured
@@ -231,8 +227,8 @@ fn move_a_run(distances: &Distances, tour: &mut Vec<usize>) -> bool {
             let (first, last) = (tour[i], tour[i + length - 1]);
             let before = if i == 0 { 0 } else { tour[i - 1] };
             let after = tour.get(i + length).copied();
-            let gain = distances.mm(before, first)
-                + after.map_or(0.0, |a| distances.mm(last, a) - distances.mm(before, a));
+            let gain =
+                distances.mm(before, first) + after.map_or(0.0, |a| distances.mm(last, a) - distances.mm(before, a));
             // Between the places `at − 1` and `at` of the rest.
             for at in (0..=n - length).filter(|&at| at != i) {
                 let rest = |k: usize| if k < i { tour[k] } else { tour[k + length] };

@@ -57,7 +57,11 @@ pub struct ReviewingCamera {
 }
 
 /// Turns the view to the next stop's place near it, sets the flight's pace, and ends the tour after the last stop.
-pub fn look_at_stops(clock: Res<Clock>, walls: Single<&Walls, With<Main>>, camera: Single<ReviewingCamera, With<Main>>) {
+pub fn look_at_stops(
+    clock: Res<Clock>,
+    walls: Single<&Walls, With<Main>>,
+    camera: Single<ReviewingCamera, With<Main>>,
+) {
     let ReviewingCameraItem { pose, planned, mut review, mut guide, mut flight, hand } = camera.into_inner();
     if flight.state != State::Flying || hand.is_some_and(|h| h.is_in_control(clock.tick)) {
         return;

@@ -24,10 +24,10 @@ use crate::components::scan::{Scan, Walls};
 use crate::components::trail::Trail;
 use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
-use crate::fields::Lumen;
 use crate::fields::cleanse::Cleansed;
 use crate::fields::clearance::TOLERANCE_MM;
 use crate::fields::lumen::Told;
+use crate::fields::{Lumen, WallDistance};
 use crate::panics;
 use crate::progress::Progress;
 use crate::render::{Frame, Reuse, Settings, View, renderer};
@@ -58,6 +58,8 @@ pub struct FlightApp {
     reviewing: Option<review::Reviewing>,
     /// Number of stops that the last review has looked at.
     reached: usize,
+    /// The distances to the wall that the last tour was planned by, and the gas that they are of.
+    toured: Option<(Arc<Lumen>, Arc<WallDistance>)>,
     /// The camera's last valid pose.
     sound: Option<Pose>,
     queries: views::Queries,
@@ -137,7 +139,8 @@ impl FlightApp {
         }
         let commands = CommandRecord::default();
         let queries = views::Queries::default();
-        let mut flight = Self { app, setup, commands, progress, reviewing: None, reached: 0, sound: None, queries };
+        let mut flight =
+            Self { app, setup, commands, progress, reviewing: None, reached: 0, toured: None, sound: None, queries };
         flight.rebuild()?;
         flight.views().prepare()?;
         flight.set_out();

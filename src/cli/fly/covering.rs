@@ -30,13 +30,14 @@ const TOUR_SECONDS: f64 = 3600.0;
 const RANDOM: u64 = 1000;
 
 /// What is asked about the wall that was seen.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Covering {
-    fov_degrees: f64,
+    /// View angle, degrees.
+    pub fov_degrees: f64,
     /// File for the wall with what was seen of it.
-    mesh: Option<PathBuf>,
+    pub mesh: Option<PathBuf>,
     /// True if what was missed is visited.
-    review: bool,
+    pub review: bool,
 }
 
 /// What was seen, and how the review goes.
@@ -58,8 +59,8 @@ pub(super) struct Stats {
     pub flight: Map<String, Value>,
     /// What of the wall was seen.
     pub wall: Map<String, Value>,
-    /// Time for planning the tours of a review, s.
-    pub planned_s: Option<f64>,
+    /// Time for planning the tours of a review, s, and before it for the distances to the wall.
+    pub took: Option<[f64; 2]>,
 }
 
 /// A tour of the review.
@@ -75,6 +76,7 @@ struct Tour {
     order_mm: f64,
     random_mm: f64,
     planned_s: f64,
+    distance_s: f64,
     /// Share of the wall that it has shown and the flight had not.
     gain: f64,
 }
@@ -91,7 +93,7 @@ impl Covering {
     }
 
     /// Returns the stats of a flight in a window, where the operator decides on a review.
-    #[cfg(feature = "window")]
+    #[cfg(any(feature = "window", test))]
     pub(super) fn flown(&self, flight: &FlightApp) -> Result<Stats> {
         self.first(flight).map(|seen| seen.stats)
     }
@@ -138,7 +140,7 @@ impl Covering {
         }
         let flown = views(flight);
         let is_over = !self.review || covered.is_none() || flight.flight().state == State::Operator;
-        let stats = Stats { flight: flight_stats(flight), wall, planned_s: self.review.then_some(0.0) };
+        let stats = Stats { flight: flight_stats(flight), wall, took: self.review.then_some([0.0; 2]) };
         Ok(Seen { stats, covered, flown, counted: flown, tours: Vec::new(), rounds: &ROUNDS, is_over })
     }
 
@@ -175,6 +177,7 @@ impl Covering {
             order_mm: plan.order.length_mm,
             random_mm: tour::best_of_random(&plan.distances, RANDOM, 1),
             planned_s: plan.planned_s,
+            distance_s: plan.distance_s,
             length_mm: flight.flight().length_mm,
             seconds: flight.clock().seconds(),
             ..Tour::default()
@@ -236,9 +239,7 @@ impl Covering {
                 "order_best_of_1000_mm": list(|t| t.random_mm),
             }),
         );
-        if let Some(prepare) = seen.stats.planned_s.as_mut() {
-            *prepare = sum(|t| t.planned_s);
-        }
+        seen.stats.took = Some([sum(|t| t.planned_s), sum(|t| t.distance_s)]);
         seen.stats
     }
 }

@@ -411,8 +411,8 @@ fn stats(
     m.insert("frames".to_owned(), json!(frames));
     match covered {
         Some(covered) => {
-            if let (Some(planned_s), Some(prepare)) = (covered.planned_s, m.get_mut("prepare")) {
-                prepare["review_s"] = json!(planned_s);
+            if let (Some([planned_s, distance_s]), Some(prepare)) = (covered.took, m.get_mut("prepare")) {
+                (prepare["review_s"], prepare["review_distance_s"]) = (json!(planned_s), json!(distance_s));
             }
             m.extend(covered.flight.clone().into_iter().chain(covered.wall.clone()));
         }
@@ -561,8 +561,8 @@ mod tests {
         let mut flight = FlightApp::new(volume, Arc::new(lumen), plan, Scene::default()).unwrap();
         flight.fly(0.2).unwrap();
         let covered = |degrees: f64| {
-            let stats =
-                stats(&flight, &Timings::default(), &[], Some(&Covering { fov_degrees: degrees, mesh: None })).unwrap();
+            let covering = Covering { fov_degrees: degrees, ..Covering::default() };
+            let stats = stats(&flight, &Timings::default(), &[], Some(&covering.flown(&flight).unwrap()));
             [&stats["coverage"], &stats["coverage_both_ways"]].map(|c| c.as_f64().unwrap())
         };
         let [ahead, both_ways] = covered(90.0);
@@ -570,7 +570,7 @@ mod tests {
         // the other end, too.
         assert!((0.5..0.8).contains(&ahead) && both_ways > ahead, "{ahead} {both_ways}");
         assert!(covered(2.0)[0] < 0.05, "hardly more than the middle of the end");
-        let without = stats(&flight, &Timings::default(), &[], None).unwrap();
+        let without = stats(&flight, &Timings::default(), &[], None);
         assert!(without.get("coverage").is_none());
     }
 

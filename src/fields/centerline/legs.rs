@@ -66,7 +66,11 @@ impl<'a> Legs<'a> {
             .map(|from| {
                 progress.check()?;
                 let Some(from) = from else { return Ok(vec![f64::INFINITY; stops.len()]) };
-                let search = Search::around(&cells, from.node, None, least_mm);
+                let is_near = |to: &&Stop| to.place.distance(from.place) < NEAR_MM;
+                let mut near: Vec<u32> = stops.iter().flatten().filter(is_near).map(|to| to.node).collect();
+                near.sort_unstable();
+                near.dedup();
+                let search = Search::around(&cells, from.node, &near, least_mm);
                 Ok(stops.iter().map(|to| to.map_or(f64::INFINITY, |to| search.length(to.node))).collect())
             })
             .collect::<Result<_>>()?;
@@ -92,7 +96,7 @@ impl<'a> Legs<'a> {
         let nodes = if from.node == to.node {
             vec![from.node]
         } else if tree.as_ref().is_none_or(|t| near < t.mm) {
-            let search = Search::around(&self.cells, from.node, Some(to.node), self.least_mm);
+            let search = Search::around(&self.cells, from.node, &[to.node], self.least_mm);
             let ways = search.into_ways(self.cells.nodes.len());
             if !ways.length[to.node as usize].is_finite() {
                 return None;
@@ -166,8 +170,10 @@ struct Search {
 }
 
 impl Search {
-    /// Searches as far as [`NEAR_MM`], or as `to`: Dijkstra's algorithm as in [`neighbours`], with a bound.
-    fn around(cells: &Cells, start: u32, to: Option<u32>, least_mm: f64) -> Self {
+    /// Searches until the nodes `to` (ascending) are reached, at most as far as [`NEAR_MM`]: Dijkstra's algorithm as in
+    /// [`neighbours`], with a bound.
+    fn around(cells: &Cells, start: u32, to: &[u32], least_mm: f64) -> Self {
+        let mut left = to.len();
         let count = cells.nodes.len();
         let (mut cost, mut before) = (vec![f64::INFINITY; count], vec![start; count]);
         let (mut length, mut done) = (vec![f64::INFINITY; count], vec![false; count]);
@@ -180,7 +186,8 @@ impl Search {
                 continue;
             }
             reached.push((n, before[n as usize], length[n as usize]));
-            if to == Some(n) {
+            left -= usize::from(to.binary_search(&n).is_ok());
+            if left == 0 {
                 break;
             }
             let mut reach = |m: u32| {
@@ -210,8 +217,7 @@ impl Search {
     }
 
     fn into_ways(self, count: usize) -> neighbours::Ways {
-        let mut ways =
-            neighbours::Ways { length: vec![f64::INFINITY; count], before: (0..count as u32).collect() };
+        let mut ways = neighbours::Ways { length: vec![f64::INFINITY; count], before: (0..count as u32).collect() };
         for (n, before, length) in self.reached {
             (ways.before[n as usize], ways.length[n as usize]) = (before, length);
         }
