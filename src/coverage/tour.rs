@@ -13,7 +13,7 @@ pub const EXACT: usize = 11;
 /// Longest run of stops that Or-opt moves.
 const RUN: usize = 3;
 /// Perturbations, at most, and the work that bounds them for many stops: perturbations times the square of the number of stops.
-const KICKS: usize = 120;
+const KICKS: usize = 50;
 const WORK: usize = 2_000_000;
 /// An improvement by less is none, mm: rounding must not go round in circles.
 const LEAST_MM: f64 = 1e-7;

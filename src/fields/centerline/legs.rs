@@ -20,7 +20,7 @@ use crate::fields::neighbours;
 use crate::progress::Progress;
 
 /// Length of the ways that the search around each place finds, mm.
-const NEAR_MM: f64 = 60.0;
+const NEAR_MM: f64 = 40.0;
 
 /// The ways between places in the lumen.
 pub struct Legs<'a> {
