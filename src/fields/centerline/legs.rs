@@ -1,10 +1,11 @@
 //! Ways through the lumen between many places: how long each is, and the line to fly.
 //!
-//! One search over all cells from the first place gives a tree of least-cost paths (as for the centerline: narrow places cost more, and
-//! those that a body does not fit through are closed). Up that tree from one place and down to another leads a way that never leaves the
-//! lumen; in a tube, where the paths soon merge, it is about the shortest. For places near each other, which a pocket or a bend may
-//! join more directly, a search from each of them goes as far as [`NEAR_MM`]. `O(m log m)` for `m` cells, and `O(k log k)` for the `k`
-//! cells near each place, in parallel.
+//! One search over all cells from the first place finds the least-cost paths to all others (as for the centerline: narrow places cost
+//! more, and those that a body does not fit through are closed). The longest of them is the spine. A search from each place goes as
+//! far as [`NEAR_MM`], to the places and the part of the spine near it. A way leads directly to a near place, else to the spine, along
+//! it and off it again, whichever is the shortest; all of them stay in the lumen. A place far from the spine, in a side branch, is
+//! reached up and down the tree of paths from the first place. `O(m log m)` for `m` cells, and `O(k log k)` for the `k` cells near each
+//! place, in parallel.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -20,7 +21,7 @@ use crate::fields::neighbours;
 use crate::progress::Progress;
 
 /// Length of the ways that the search around each place finds, mm.
-const NEAR_MM: f64 = 40.0;
+const NEAR_MM: f64 = 45.0;
 
 /// The ways between places in the lumen.
 pub struct Legs<'a> {
@@ -31,8 +32,31 @@ pub struct Legs<'a> {
     stops: Vec<Option<Stop>>,
     /// The least-cost paths from the first place.
     tree: neighbours::Ways,
-    /// Lengths of the ways to places near each place, mm; infinite to others.
-    near: Vec<Vec<f64>>,
+    /// The nodes of the spine, each touching the one before.
+    spine: Vec<u32>,
+    near: Vec<Near>,
+}
+
+/// What is near a place.
+#[derive(Clone, Debug, Default)]
+struct Near {
+    /// Lengths of the ways to the other places, mm; infinite beyond [`NEAR_MM`].
+    places: Vec<f64>,
+    /// Nodes of the spine: the length of the way there, and its distance along the spine, mm.
+    spine: Vec<(u32, [f64; 2])>,
+}
+
+/// How a way leads.
+#[derive(Clone, Copy, Debug)]
+enum Course {
+    /// Within one node.
+    Inside,
+    /// Directly to a near place.
+    Direct,
+    /// Along the spine from one node to another.
+    Spine([u32; 2]),
+    /// Up the tree to a node, and down.
+    Tree(u32),
 }
 
 /// A place in the lumen.
@@ -61,61 +85,89 @@ impl<'a> Legs<'a> {
             Some(first) => cells.ways(first.node, None, |mm| weight(mm, least_mm)),
             None => neighbours::Ways { length: vec![f64::INFINITY; cells.nodes.len()], before: Vec::new() },
         };
+        let length = |n: u32| tree.length[n as usize];
+        let ends = stops.iter().flatten().map(|s| s.node).filter(|&n| length(n).is_finite());
+        let end = ends.reduce(|a, b| if length(b) > length(a) { b } else { a });
+        let spine = end.map_or_else(Vec::new, |end| cells.way(&tree, end));
+        // Nodes between two that do not touch are on the spine, too, but have no length of this path.
+        let mut on_spine: Vec<u32> = Vec::new();
+        let mut at = end;
+        while let Some(n) = at {
+            on_spine.push(n);
+            at = Some(tree.before[n as usize]).filter(|b| *b != n);
+        }
         let near = stops
             .par_iter()
             .map(|from| {
                 progress.check()?;
-                let Some(from) = from else { return Ok(vec![f64::INFINITY; stops.len()]) };
-                let is_near = |to: &&Stop| to.place.distance(from.place) < NEAR_MM;
-                let mut near: Vec<u32> = stops.iter().flatten().filter(is_near).map(|to| to.node).collect();
-                near.sort_unstable();
-                near.dedup();
-                let search = Search::around(&cells, from.node, &near, least_mm);
-                Ok(stops.iter().map(|to| to.map_or(f64::INFINITY, |to| search.length(to.node))).collect())
+                let Some(from) = from else { return Ok(Near::default()) };
+                let search = Search::around(&cells, from.node, None, least_mm);
+                let places = stops.iter().map(|to| to.map_or(f64::INFINITY, |to| search.length(to.node))).collect();
+                let reached = on_spine.iter().map(|&n| (n, [search.length(n), length(n)]));
+                Ok(Near { places, spine: reached.filter(|(_, mm)| mm[0].is_finite()).collect() })
             })
             .collect::<Result<_>>()?;
-        Ok(Self { walls, cells, least_mm, stops, tree, near })
+        Ok(Self { walls, cells, least_mm, stops, tree, spine, near })
     }
 
     /// Returns the length of the way between two places, mm, counted from 0; infinite if there is none. It is that over cells, and a
     /// line is somewhat shorter.
     pub fn mm(&self, a: usize, b: usize) -> f64 {
-        let (Some(from), Some(to)) = (self.stop(a), self.stop(b)) else { return f64::INFINITY };
+        self.course(a, b).map_or(f64::INFINITY, |c| c.0)
+    }
+
+    /// Returns the shortest way between two places: its length, mm, and how it leads.
+    fn course(&self, a: usize, b: usize) -> Option<(f64, Course)> {
+        let (from, to) = (self.stop(a)?, self.stop(b)?);
         if from.node == to.node {
-            return from.place.distance(to.place);
+            return Some((from.place.distance(to.place), Course::Inside));
         }
-        let near = self.near[a.min(b)][a.max(b)];
-        near.min(self.along_tree(from.node, to.node).map_or(f64::INFINITY, |way| way.mm))
+        let mut best = (self.near[a.min(b)].places[a.max(b)], Course::Direct);
+        if let Some(way) = self.along_tree(from.node, to.node)
+            && way.0 < best.0
+        {
+            best = (way.0, Course::Tree(way.1));
+        }
+        for &(p, [off, s]) in &self.near[a].spine {
+            for &(q, [on, t]) in &self.near[b].spine {
+                let mm = off + (s - t).abs() + on;
+                if mm < best.0 {
+                    best = (mm, Course::Spine([p, q]));
+                }
+            }
+        }
+        best.0.is_finite().then_some(best)
     }
 
     /// Returns the line between two places, counted from 0, which keeps away from the wall; `None` if there is no way.
     pub fn line(&self, a: usize, b: usize) -> Option<Centerline> {
         let (from, to) = (self.stop(a)?, self.stop(b)?);
-        let tree = self.along_tree(from.node, to.node);
-        let near = self.near[a.min(b)][a.max(b)];
-        let nodes = if from.node == to.node {
-            vec![from.node]
-        } else if tree.as_ref().is_none_or(|t| near < t.mm) {
-            let search = Search::around(&self.cells, from.node, &[to.node], self.least_mm);
-            let ways = search.into_ways(self.cells.nodes.len());
-            if !ways.length[to.node as usize].is_finite() {
-                return None;
+        let nodes = match self.course(a, b)?.1 {
+            Course::Inside => vec![from.node],
+            Course::Direct => self.nearby(from.node, to.node)?,
+            Course::Spine([p, q]) => {
+                let at = |n: u32| self.spine.iter().position(|m| *m == n);
+                let (i, j) = (at(p)?, at(q)?);
+                let mut way = self.nearby(from.node, p)?;
+                if i <= j {
+                    way.extend(self.spine[i..=j].iter().skip(1));
+                } else {
+                    way.extend(self.spine[j..=i].iter().rev().skip(1));
+                }
+                way.extend(self.nearby(to.node, q)?.iter().rev().skip(1));
+                way
             }
-            self.cells.way(&ways, to.node)
-        } else {
-            let top = tree?.top;
-            let mut up = self.cells.way(&self.tree, from.node);
-            let mut down = self.cells.way(&self.tree, to.node);
-            // Both come from the first place: what they share before they part is not flown.
-            let cut = |way: &mut Vec<u32>| match way.iter().position(|n| *n == top) {
-                Some(at) => drop(way.drain(..at)),
-                None => {}
-            };
-            cut(&mut up);
-            cut(&mut down);
-            up.reverse();
-            up.extend(down.into_iter().skip(1));
-            up
+            Course::Tree(top) => {
+                let below = |node: u32| {
+                    let way = self.cells.way(&self.tree, node);
+                    let at = way.iter().position(|n| *n == top).unwrap_or(0);
+                    way[at..].to_vec()
+                };
+                let mut way = below(from.node);
+                way.reverse();
+                way.extend(below(to.node).iter().skip(1));
+                way
+            }
         };
         let voxels = self.cells.voxels(&nodes, from.voxel, to.voxel);
         let mut line: Vec<DVec3> = voxels.into_iter().map(|v| self.walls.world(v)).collect();
@@ -128,12 +180,20 @@ impl<'a> Legs<'a> {
         Some(finished(self.walls, &polyline::resampled(self.walls, &line, STEP_MM)))
     }
 
+    /// Returns the nodes of the way between two near nodes, each touching the one before.
+    fn nearby(&self, from: u32, to: u32) -> Option<Vec<u32>> {
+        let search = Search::around(&self.cells, from, Some(to), self.least_mm);
+        let ways = search.into_ways(self.cells.nodes.len());
+        ways.length[to as usize].is_finite().then(|| self.cells.way(&ways, to))
+    }
+
     fn stop(&self, n: usize) -> Option<Stop> {
         self.stops.get(n).copied().flatten()
     }
 
-    /// Returns the way up the tree from one node and down to another; `None` if the tree does not reach both.
-    fn along_tree(&self, a: u32, b: u32) -> Option<TreeWay> {
+    /// Returns the length of the way up the tree from one node and down to another, mm, and the node where it turns; `None` if the tree
+    /// does not reach both.
+    fn along_tree(&self, a: u32, b: u32) -> Option<(f64, u32)> {
         let length = |n: u32| self.tree.length[n as usize];
         if !(length(a).is_finite() && length(b).is_finite()) {
             return None;
@@ -147,16 +207,8 @@ impl<'a> Legs<'a> {
                 y = self.tree.before[y as usize];
             }
         }
-        Some(TreeWay { mm: length(a) + length(b) - 2.0 * length(x), top: x })
+        Some((length(a) + length(b) - 2.0 * length(x), x))
     }
-}
-
-/// A way along the tree.
-#[derive(Clone, Copy, Debug)]
-struct TreeWay {
-    mm: f64,
-    /// The node where it is nearest to the first place.
-    top: u32,
 }
 
 fn weight(clearance: f64, least_mm: f64) -> f64 {
@@ -170,10 +222,8 @@ struct Search {
 }
 
 impl Search {
-    /// Searches until the nodes `to` (ascending) are reached, at most as far as [`NEAR_MM`]: Dijkstra's algorithm as in
-    /// [`neighbours`], with a bound.
-    fn around(cells: &Cells, start: u32, to: &[u32], least_mm: f64) -> Self {
-        let mut left = to.len();
+    /// Searches as far as [`NEAR_MM`], or as `to`: Dijkstra's algorithm as in [`neighbours`], with a bound.
+    fn around(cells: &Cells, start: u32, to: Option<u32>, least_mm: f64) -> Self {
         let count = cells.nodes.len();
         let (mut cost, mut before) = (vec![f64::INFINITY; count], vec![start; count]);
         let (mut length, mut done) = (vec![f64::INFINITY; count], vec![false; count]);
@@ -186,8 +236,7 @@ impl Search {
                 continue;
             }
             reached.push((n, before[n as usize], length[n as usize]));
-            left -= usize::from(to.binary_search(&n).is_ok());
-            if left == 0 {
+            if to == Some(n) {
                 break;
             }
             let mut reach = |m: u32| {
@@ -243,7 +292,8 @@ mod tests {
     fn ways_follow_the_lumen_and_their_lines_keep_inside() {
         let walls = tube();
         let at = |x: f64, y: f64| DVec3::new(x, y, 14.0);
-        let places = [at(20.0, 12.0), at(290.0, 12.0), at(150.0, 54.0), at(250.0, 60.0), at(135.0, 12.0)];
+        let places =
+            [at(20.0, 12.0), at(290.0, 12.0), at(150.0, 54.0), at(250.0, 60.0), at(135.0, 12.0), at(235.0, 12.0)];
         let legs = Legs::between(&walls, &places, 1.5, &Progress::new()).unwrap();
         let expected = |a: usize, b: usize, mm: f64| {
             let (there, back) = (legs.mm(a, b), legs.mm(b, a));
@@ -259,6 +309,8 @@ mod tests {
         expected(1, 2, 140.0 + 40.0);
         expected(2, 4, 15.0 + 40.0);
         expected(4, 4, 0.0);
+        expected(5, 4, 100.0);
+        expected(5, 2, 85.0 + 40.0);
         assert!(legs.mm(0, 3).is_infinite() && legs.line(3, 1).is_none() && legs.line(0, 9).is_none());
     }
 
