@@ -76,7 +76,7 @@ impl FlightApp {
         places.extend(stops.iter().map(|s| DVec3::from_array(s.at)));
         let legs = Legs::between(walls, &places, setup.scene.body.radius_mm, &self.progress)?;
         let distances = Distances::new(places.len(), |a, b| legs.mm(a, b));
-        let order = tour::shortest(&distances);
+        let mut order = tour::shortest(&distances);
         let path = setup.scene.guides.get::<PathSettings>();
         let (mut line, mut clearance, mut length) = (Vec::new(), Vec::new(), 0.0);
         let mut toured = Vec::new();
@@ -84,8 +84,14 @@ impl FlightApp {
         let from = std::iter::once(0).chain(order.stops.iter().map(|n| n + 1));
         let pairs: Vec<(usize, usize)> = from.zip(order.stops.iter().copied()).collect();
         let lines: Vec<_> = pairs.par_iter().map(|&(from, stop)| legs.line(from, stop + 1)).collect();
-        for (leg, (_, n)) in lines.into_iter().zip(pairs) {
-            let Some(leg) = leg else { break };
+        let mut at = 0;
+        for (leg, (from, n)) in lines.into_iter().zip(pairs) {
+            // After a stop that was left out, from the one before it.
+            let Some(leg) = (if from == at { leg } else { legs.line(at, n + 1) }) else {
+                order.left_out.push(n);
+                continue;
+            };
+            at = n + 1;
             let skip = usize::from(!line.is_empty());
             line.extend(leg.points.iter().skip(skip));
             clearance.extend(leg.radius_mm.iter().skip(skip));

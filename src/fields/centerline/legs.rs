@@ -144,7 +144,13 @@ impl<'a> Legs<'a> {
         let (from, to) = (self.stop(a)?, self.stop(b)?);
         let nodes = match self.course(a, b)?.1 {
             Course::Inside => vec![from.node],
-            Course::Direct => self.nearby(from.node, to.node)?,
+            // In the direction in which it was found: a bounded search back may find another way, which is too long.
+            Course::Direct if a <= b => self.nearby(from.node, to.node)?,
+            Course::Direct => {
+                let mut way = self.nearby(to.node, from.node)?;
+                way.reverse();
+                way
+            }
             Course::Spine([p, q]) => {
                 let at = |n: u32| self.spine.iter().position(|m| *m == n);
                 let (i, j) = (at(p)?, at(q)?);
