@@ -14,7 +14,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::cells::Cells;
-use super::{Centerline, SNAP_MM, STEP_MM, finished, narrow, polyline};
+use super::{Centerline, SNAP_MM, STEP_MM, TIGHTEN, finished, narrow, polyline};
 use crate::error::Result;
 use crate::fields::WallDistance;
 use crate::fields::neighbours;
@@ -22,8 +22,6 @@ use crate::progress::Progress;
 
 /// Length of the ways that the search around each place finds, mm.
 const NEAR_MM: f64 = 45.0;
-/// Number of rounds in which a line is tightened: half of a centerline's, for a way that is flown once.
-const TIGHTEN: usize = 6;
 
 /// The ways between places in the lumen.
 pub struct Legs<'a> {
