@@ -11,6 +11,7 @@ use crate::components::clock::Clock;
 use crate::components::flight::{Flight, HelpCall, State};
 use crate::components::guide::{Gaze, GuideThrust, Planned};
 use crate::components::input::Hand;
+use crate::components::review::Review;
 use crate::components::scan::{Centerline, Walls};
 use crate::dynamics;
 use crate::dynamics::route::follower::RouteFollower;
@@ -78,6 +79,7 @@ pub struct FollowingBody {
     follower: &'static mut PathFollower,
     guide: &'static mut GuideThrust,
     gaze: Option<&'static Gaze>,
+    review: Option<&'static Review>,
     hand: Option<&'static Hand>,
 }
 
@@ -85,8 +87,18 @@ pub struct FollowingBody {
 ///
 /// After an interruption, the plan is joined again at its nearest reachable position.
 pub fn guide_by_plan(clock: Res<Clock>, walls: Single<&Walls, With<Main>>, camera: Single<FollowingBody, With<Main>>) {
-    let FollowingBodyItem { pose, velocity, body, flight, mut planned, follower: mut held, mut guide, gaze, hand } =
-        camera.into_inner();
+    let FollowingBodyItem {
+        pose,
+        velocity,
+        body,
+        flight,
+        mut planned,
+        follower: mut held,
+        mut guide,
+        gaze,
+        review,
+        hand,
+    } = camera.into_inner();
     let Planned { route, s_mm, jumps, .. } = &mut *planned;
     if held.jumps != *jumps {
         (held.follower, held.velocity_before, held.last, held.jumps) = (None, None, DVec3::ZERO, *jumps);
@@ -96,20 +108,24 @@ pub fn guide_by_plan(clock: Res<Clock>, walls: Single<&Walls, With<Main>>, camer
     *velocity_before = Some(velocity.0);
     let limit = settings.cruise_mm_s * body.0.drag_per_s.max(1.0);
     *guide = GuideThrust { limit, exact: true, ..GuideThrust::default() };
+    // A tour passes the same places again: it goes on from the same pass.
+    let nearest = |s_mm: f64| match review {
+        Some(_) => route.nearest_pass(&walls.0, pose.position, s_mm),
+        None => route.nearest_reachable(&walls.0, pose.position),
+    };
     let away = hand.is_some_and(|h| h.is_in_control(clock.tick));
     if away || flight.state != State::Flying {
         *follower = None;
-        *s_mm = route.nearest_reachable(&walls.0, pose.position);
+        *s_mm = nearest(*s_mm);
         // Fade out the last command instead of dropping it.
         guide.thrust = *last * hand.filter(|_| away).map_or(0.0, Hand::share);
         return;
     }
-    let rate = hand.map_or(1.0, |h| h.speed) * gaze.map_or(1.0, Gaze::pace);
+    let rate = hand.map_or(1.0, |h| h.speed) * gaze.map_or(1.0, Gaze::pace) * review.map_or(1.0, |r| r.pace);
     let state = (pose.position, velocity.0);
     let order = follower.as_mut().and_then(|p| p.command(route, state, body.0.drag_per_s, rate, clock.dt()));
     let order = order.or_else(|| {
-        let s = route.nearest_reachable(&walls.0, pose.position);
-        let mut anew = RouteFollower::join(route, s, [state.0, state.1, acceleration], rate, settings);
+        let mut anew = RouteFollower::join(route, nearest(*s_mm), [state.0, state.1, acceleration], rate, settings);
         let order = anew.command(route, state, body.0.drag_per_s, rate, clock.dt());
         *follower = Some(anew);
         order

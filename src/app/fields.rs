@@ -92,6 +92,12 @@ impl Fields {
         std::mem::take(&mut self.notes)
     }
 
+    /// Creates fields that hold a route planned elsewhere between the ends of `plan`, for a guide that follows it.
+    pub(crate) fn along(route: Arc<Route>, plan: &Plan, planner: CenterlineMethod) -> Self {
+        let ends = [plan.begin, plan.goal().at];
+        Self { gas: plan.gas.clone(), route: Some(PlannedRoute { ends, planner, route }), ..Self::default() }
+    }
+
     fn timed<T>(&mut self, name: &'static str, build: impl FnOnce() -> Result<T>) -> Result<T> {
         let begun = Instant::now();
         let built = build();

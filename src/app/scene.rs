@@ -415,7 +415,8 @@ impl Scene {
                     None => app.on_account(name, |app| guide.plug(app))?,
                 }
                 let look = self.look.or(guide.look).unwrap_or(systems::looks::ahead::LOOK);
-                match systems::looks::BUILT_IN.iter().any(|l| l.name == look.name) {
+                let mut built_in = systems::looks::BUILT_IN.iter().chain([&systems::looks::review::LOOK]);
+                match built_in.any(|l| l.name == look.name) {
                     true => (look.plug)(app)?,
                     false => app.on_account(look.name, look.plug)?,
                 }

@@ -158,6 +158,9 @@ pub struct FlyArgs {
     /// Add the fraction of the wall that was seen, and the patches that were missed, to the stats
     #[arg(long)]
     pub coverage: bool,
+    /// After the flight, fly the shortest tour past what was missed (headless), and add what was seen then to the stats
+    #[arg(long)]
+    pub review: bool,
     /// Write the wall as a mesh with the number of places from which each face was seen
     #[arg(long, value_name = "F.ply")]
     pub coverage_mesh: Option<PathBuf>,

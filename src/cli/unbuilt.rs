@@ -9,7 +9,7 @@ use crate::error::Error;
 /// Planned commands.
 const COMMANDS: [&str; 4] = ["unfold", "match", "dataset", "batch"];
 /// Planned options of built commands.
-const OPTIONS: [&str; 4] = ["--second", "--review", "--normals", "--truth"];
+const OPTIONS: [&str; 3] = ["--second", "--normals", "--truth"];
 /// Planned values of built options, and of the argument `<SUBJECT>`.
 const VALUES: [(&str, &str); 4] =
     [("--camera", "fisheye"), ("--camera", "panorama"), ("<SUBJECT>", "coverage"), ("<SUBJECT>", "unfold")];
@@ -84,8 +84,7 @@ mod tests {
             other => panic!("{other:?}"),
         };
         for (words, what) in [
-            (&["colvis", "fly", "--review"][..], "--review"),
-            (&["colvis", "--second", "x"], "--second"),
+            (&["colvis", "--second", "x"][..], "--second"),
             (&["colvis", "--camera", "fisheye"], "--camera fisheye"),
             (&["colvis", "report", "coverage", "--out", "x"], "report coverage"),
         ] {

@@ -9,6 +9,7 @@ use serde::de::value::{EnumAccessDeserializer, StrDeserializer};
 use serde::de::{self, DeserializeSeed, EnumAccess, IntoDeserializer, VariantAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
+use super::review::ReviewStop;
 use crate::dynamics::hand;
 
 /// A direct control command of the operator. The operator system applies it in the step for which it is due.
@@ -56,6 +57,11 @@ pub enum FlightCommand {
         /// Up direction.
         up: [f64; 3],
     },
+    /// Flies the shortest tour past these places from here, and looks at each. At its end the flight is as before. Replaces a review
+    /// that is under way; it is paused like any flight.
+    Review(Vec<ReviewStop>),
+    /// Cuts a review short. The flight goes on as before it, from where the camera is.
+    EndReview,
     /// Sets the view angle over the shorter side of the picture, degrees, clamped to what the camera can show.
     ///
     /// It affects only the picture: a flight without one ignores it.
@@ -85,7 +91,7 @@ impl From<FlightCommand> for Command {
 }
 
 /// The name of every command in a file. The first [`HAND_NAMES`] are those of [`HandCommand`].
-const NAMES: [&str; 14] = [
+const NAMES: [&str; 16] = [
     "push",
     "turn",
     "look",
@@ -99,6 +105,8 @@ const NAMES: [&str; 14] = [
     "other_end",
     "seek",
     "go",
+    "review",
+    "end_review",
     "view_angle",
 ];
 const HAND_NAMES: usize = 7;
@@ -279,7 +287,7 @@ mod tests {
 
     #[test]
     fn every_command_has_its_form_in_a_file() {
-        let forms: [(Command, &str); 14] = [
+        let forms: [(Command, &str); 16] = [
             (HandCommand::Push([1.0, 0.0, -0.5]).into(), r#"{"push":[1.0,0.0,-0.5]}"#),
             (HandCommand::Turn([0.6, 0.3, 0.0]).into(), r#"{"turn":[0.6,0.3,0.0]}"#),
             (HandCommand::Look([60.0, -20.0]).into(), r#"{"look":[60.0,-20.0]}"#),
@@ -296,6 +304,15 @@ mod tests {
                 FlightCommand::Go { to: [1.0, 2.0, 3.0], forward: [0.0, 1.0, 0.0], up: [0.0, 0.0, 1.0] }.into(),
                 r#"{"go":{"to":[1.0,2.0,3.0],"forward":[0.0,1.0,0.0],"up":[0.0,0.0,1.0]}}"#,
             ),
+            (
+                FlightCommand::Review(vec![
+                    ReviewStop { at: [1.0, 2.0, 3.5], look_at: Some([0.0, -1.25, 0.0]) },
+                    ReviewStop { at: [4.0, 5.0, 6.0], look_at: None },
+                ])
+                .into(),
+                r#"{"review":[{"at":[1.0,2.0,3.5],"look_at":[0.0,-1.25,0.0]},{"at":[4.0,5.0,6.0],"look_at":null}]}"#,
+            ),
+            (FlightCommand::EndReview.into(), r#""end_review""#),
             (FlightCommand::ViewAngle(40.0).into(), r#"{"view_angle":40.0}"#),
         ];
         for ((command, form), name) in forms.into_iter().zip(NAMES) {

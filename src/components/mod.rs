@@ -10,6 +10,7 @@ pub mod guide;
 pub mod input;
 pub mod output;
 pub mod play;
+pub mod review;
 pub mod scan;
 pub mod slices;
 pub mod trail;

@@ -275,7 +275,11 @@ impl LiveCoverage {
 
     /// Returns the wall of some segments.
     pub fn wall_of(&self, segments: &[usize]) -> Wall {
-        self.wall.only(|patch| segments.contains(&usize::from(self.segments[patch])))
+        let mut keeps = vec![false; self.wall.len()];
+        for p in (0..self.wall.patch_count()).filter(|&p| segments.contains(&usize::from(self.segments[p]))) {
+            keeps[self.wall.triangles_of(p)].fill(true);
+        }
+        self.wall.part(|n| keeps[n]).0
     }
 
     /// Returns the wall.

@@ -92,36 +92,12 @@ impl Wall {
             areas.push(a);
         }
         let mut wall = Self { origin, places, triangles, centroids, normals, areas, patches: vec![], blocks: vec![] };
-        wall.part();
-        wall
-    }
-
-    /// Returns the wall of some patches.
-    pub(super) fn only(&self, keeps: impl Fn(usize) -> bool) -> Self {
-        let kept: Vec<usize> =
-            (0..self.patch_count()).filter(|&p| keeps(p)).flat_map(|p| self.triangles_of(p)).collect();
-        let mut number = vec![u32::MAX; self.places.len()];
-        kept.iter().flat_map(|&n| self.triangles[n]).for_each(|v| number[v as usize] = 0);
-        let mut places = Vec::new();
-        for (n, v) in number.iter_mut().enumerate().filter(|(_, n)| **n == 0) {
-            *v = places.len() as u32;
-            places.push(self.places[n]);
-        }
-        let mut wall = Self {
-            origin: self.origin,
-            places,
-            triangles: kept.iter().map(|&n| self.triangles[n].map(|v| number[v as usize])).collect(),
-            centroids: kept.iter().map(|&n| self.centroids[n]).collect(),
-            normals: kept.iter().map(|&n| self.normals[n]).collect(),
-            areas: kept.iter().map(|&n| self.areas[n]).collect(),
-            ..Self::default()
-        };
-        wall.part();
+        wall.divide();
         wall
     }
 
     /// Finds the patches and the blocks.
-    fn part(&mut self) {
+    pub(super) fn divide(&mut self) {
         let mut last = None;
         for n in 0..self.len() {
             let cell = interleave((self.centroids[n] / CELL_MM).floor().as_ivec3().to_array());

@@ -31,17 +31,34 @@ pub struct Outputs {
     pub overlays: Vec<Overlay>,
 }
 
-/// Flies until the flight arrives, calls the operator, or `seconds` of simulated time (at least one step) are over. The state of
-/// the flight distinguishes these. Returns the frames rendered so far together with the result.
+/// What follows when a flight has ended: time for flying on, simulated seconds, or `None` if it is over.
+pub type Onward<'a> = &'a mut dyn FnMut(&mut FlightApp) -> Result<Option<f64>>;
+
+/// Flies as [`fly_on`], and ends where the flight ends.
 ///
 /// # Errors
-/// Returns status 5 if an output cannot be written, status 4 if interrupted, and the error of a replayed command that is refused.
-/// Log and recording are complete up to that point.
+/// As [`fly_on`].
 pub fn fly(
     flight: &mut FlightApp,
     seconds: f64,
     outputs: &Outputs,
     progress: &Arc<Progress>,
+) -> (Vec<FrameStats>, Result<()>) {
+    fly_on(flight, seconds, outputs, progress, &mut |_| Ok(None))
+}
+
+/// Flies until the flight arrives, calls the operator, or `seconds` of simulated time (at least one step) are over. The state of
+/// the flight distinguishes these. Then flies on for as long as `onward` says, into the same log and recording. Returns the frames rendered so far together with the result.
+///
+/// # Errors
+/// Returns status 5 if an output cannot be written, status 4 if interrupted, and the error of a replayed command that is refused.
+/// Log and recording are complete up to that point.
+pub fn fly_on(
+    flight: &mut FlightApp,
+    seconds: f64,
+    outputs: &Outputs,
+    progress: &Arc<Progress>,
+    onward: Onward,
 ) -> (Vec<FrameStats>, Result<()>) {
     let log = outputs.log.as_deref().map(Log::create).transpose();
     let (log, recorder) = match log.and_then(|log| Ok((log, recorder(flight, outputs)?))) {
@@ -55,7 +72,7 @@ pub fn fly(
             return (Vec::new(), Err(e));
         }
     }
-    let flown = fly_steps(flight, seconds, log, fps, &outputs.overlays, progress);
+    let flown = fly_steps(flight, seconds, (log, fps, &outputs.overlays), progress, onward);
     let camera = flight.app().camera_id();
     let recording = present::take::<Recording>(flight.app_mut(), camera);
     let (frames, recorded) = recording.map_or((Vec::new(), Ok(())), Recording::finish);
@@ -78,35 +95,44 @@ fn recorder(flight: &FlightApp, outputs: &Outputs) -> Result<Option<Recorder>> {
 fn fly_steps(
     flight: &mut FlightApp,
     seconds: f64,
-    mut log: Option<Log>,
-    fps: Option<f64>,
-    overlays: &[Overlay],
+    (mut log, fps, overlays): (Option<Log>, Option<f64>, &[Overlay]),
     progress: &Arc<Progress>,
+    onward: Onward,
 ) -> Result<bool> {
     let hz = f64::from(flight.clock().hz);
     // However short, a flight has a step, and its log a line.
-    let steps = (seconds * hz).round().clamp(1.0, 1e15) as u64;
-    progress.stage("flying", steps.min(expected_steps(flight).max(1)));
+    let steps = |seconds: f64| (seconds * hz).round().clamp(1.0, 1e15) as u64;
     let mut images = 0;
+    let mut tick = 0;
+    let mut last = steps(seconds);
     let mut fly = || {
-        for tick in 0..steps {
-            if fps.is_some_and(|fps| due(images, fps, hz) <= tick) {
-                images += 1;
-                record(flight, overlays)?;
+        loop {
+            progress.stage("flying", (last - tick).min(expected_steps(flight).max(1)));
+            while tick < last {
+                if fps.is_some_and(|fps| due(images, fps, hz) <= tick) {
+                    images += 1;
+                    record(flight, overlays)?;
+                }
+                flight.step()?;
+                tick += 1;
+                if tick == last {
+                    flight.end();
+                }
+                if let Some(log) = &mut log {
+                    log.add(flight.take_log())?;
+                }
+                if progress.advance(1).is_err() {
+                    return Ok(true);
+                }
+                if flight.flight().state != State::Flying {
+                    break;
+                }
             }
-            flight.step()?;
-            if tick + 1 == steps {
-                flight.end();
-            }
-            if let Some(log) = &mut log {
-                log.add(flight.take_log())?;
-            }
-            let interrupted = progress.advance(1).is_err();
-            if interrupted || flight.flight().state != State::Flying {
-                return Ok(interrupted);
+            match onward(flight)? {
+                Some(seconds) => last = tick + steps(seconds),
+                None => return Ok(false),
             }
         }
-        Ok(false)
     };
     let flown: Result<bool> = fly();
     if let Err(e) = &flown

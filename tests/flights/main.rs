@@ -13,6 +13,7 @@ mod perforation;
 mod plane;
 mod plane_drawings;
 mod plugins;
+mod review;
 mod scan;
 mod scenes;
 mod states;

@@ -35,9 +35,13 @@ impl FlightApp {
         }
         let [other, goal] = &self.setup.plan.ends;
         let goal = Goal { at: goal.at, within_mm: goal.within_mm, other_end: other.at };
+        let tour = self.tour_component();
         let Self { app, setup: Setup { scene, plan, .. }, .. } = self;
         app.set_scene(|app| {
             equip_camera(app, scene, plan);
+            if let Some(tour) = tour {
+                app.equip(tour);
+            }
             scene.plug_into(app, goal)
         })?;
         self.app.build()

@@ -36,6 +36,13 @@ impl FlightApp {
     }
 
     pub(super) fn follow(&mut self, command: &FlightCommand) -> Result<()> {
+        // Another guide or way than that of the tour.
+        if matches!(
+            command,
+            FlightCommand::Guide(_) | FlightCommand::Reverse | FlightCommand::Segment(_) | FlightCommand::OtherEnd
+        ) {
+            self.end_review()?;
+        }
         match command {
             FlightCommand::Guide(name) => {
                 let guide = self.setup.scene.find(name)?.name;
@@ -82,6 +89,11 @@ impl FlightApp {
             }
             FlightCommand::Seek(share) => self.seek(*share)?,
             FlightCommand::Go { to, forward, up } => self.go([*to, *forward, *up].map(DVec3::from_array))?,
+            FlightCommand::Review(stops) => {
+                self.refuse_while_playing("review")?;
+                self.review(stops)?;
+            }
+            FlightCommand::EndReview => self.end_review()?,
             &FlightCommand::ViewAngle(degrees) => {
                 let usual = self.setup.scene.image.fov_degrees;
                 if let Some(mut picture) = self.camera_mut::<Picture>() {

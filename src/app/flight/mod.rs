@@ -3,6 +3,7 @@
 mod assemble;
 mod commands;
 mod connecting;
+mod review;
 mod survey;
 #[cfg(feature = "window")]
 mod told;
@@ -24,10 +25,10 @@ use crate::components::scan::{Scan, Walls};
 use crate::components::trail::Trail;
 use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
-use crate::fields::Lumen;
 use crate::fields::cleanse::Cleansed;
 use crate::fields::clearance::TOLERANCE_MM;
 use crate::fields::lumen::Told;
+use crate::fields::{Lumen, WallDistance};
 use crate::panics;
 use crate::progress::Progress;
 use crate::render::{Frame, Reuse, Settings, View, renderer};
@@ -36,6 +37,7 @@ use crate::space::PreparedVolume;
 use crate::systems;
 
 pub use commands::CommandRecord;
+pub use review::TourPlan;
 pub use survey::{Covered, Survey};
 #[cfg(feature = "window")]
 pub(crate) use told::{Onward, onward};
@@ -53,6 +55,12 @@ pub struct FlightApp {
     /// The commands that took effect, and those that are left to replay.
     pub commands: CommandRecord,
     progress: Arc<Progress>,
+    /// The review that is under way.
+    reviewing: Option<review::Reviewing>,
+    /// Number of stops that the last review has looked at.
+    reached: usize,
+    /// The distances to the wall that the last tour was planned by, and the gas that they are of.
+    toured: Option<(Arc<Lumen>, Arc<WallDistance>)>,
     /// The camera's last valid pose.
     sound: Option<Pose>,
     queries: views::Queries,
@@ -133,7 +141,18 @@ impl FlightApp {
         }
         let commands = CommandRecord::default();
         let (queries, connecting) = (views::Queries::default(), connecting::Connecting::default());
-        let mut flight = Self { app, setup, commands, progress, sound: None, queries, connecting };
+        let mut flight = Self {
+            app,
+            setup,
+            commands,
+            progress,
+            reviewing: None,
+            reached: 0,
+            toured: None,
+            sound: None,
+            queries,
+            connecting,
+        };
         flight.rebuild()?;
         flight.views().prepare()?;
         flight.set_out();
@@ -154,7 +173,7 @@ impl FlightApp {
         }
         let stepped = self.app.step();
         self.keep_sound();
-        stepped
+        stepped.and_then(|()| self.end_finished_review())
     }
 
     /// Moves the camera back to its last valid pose, at rest, if a plug-in has written an invalid position, direction or speed.

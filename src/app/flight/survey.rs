@@ -7,11 +7,20 @@ use glam::DVec3;
 use super::{FlightApp, Setup};
 use crate::components::flight::Flown;
 use crate::components::play::Playback;
+use crate::components::review::ReviewStop;
 use crate::components::trail::Trail;
-use crate::coverage::{Coverage, LiveCoverage, Missed, Sight, Wall, missed};
+use crate::coverage::{Coverage, LiveCoverage, Missed, Sight, Wall, missed, part};
+use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
 use crate::fields::{ClearanceFinder, lumen};
 use crate::render::camera::Perspective;
+
+/// A review flies back over the whole way if that shows at least this share of the wall.
+const BACK_GAINS: f64 = 0.005;
+/// The end of the way is somewhere else if it is farther from the camera than this, mm.
+const END_MM: f64 = 20.0;
+/// A patch needs no stop of its own if others show this share of it.
+const SHOWN: f64 = 0.7;
 
 /// What a flight has covered until now, from [`FlightApp::survey`].
 #[derive(Clone, Copy)]
@@ -51,14 +60,74 @@ impl<'a> Survey<'a> {
     /// # Errors
     /// Returns status 2 if the view angle is none, status 4 if interrupted.
     pub fn coverage(self, fov_degrees: f64, count: bool) -> Result<Option<Covered>> {
-        let camera =
-            Perspective::new(fov_degrees).map_err(|e| Error::usage("--fov", e.why, "give an angle such as 90"))?;
+        let camera = perspective(fov_degrees)?;
         let views = self.trail().map_or(&[][..], Trail::views);
         let volume = &self.flight.setup.volume;
         let Some(wall) = self.wall()? else { return Ok(None) };
         let sights = wall.seen(volume, views, &camera, count);
         let coverage = wall.coverage(&sights);
         Ok((!wall.is_empty()).then_some(Covered { wall, sights, coverage }))
+    }
+
+    /// Adds what the views from number `since` on have seen of the wall that was not seen before. The counts of the other triangles
+    /// stay.
+    ///
+    /// # Errors
+    /// Returns status 2 if the view angle is none.
+    pub fn cover_more(self, covered: &mut Covered, fov_degrees: f64, since: usize) -> Result<()> {
+        let views = self.trail().map_or(&[][..], Trail::views);
+        let (unseen, numbers) = covered.wall.part(|n| covered.sights[n].ahead == 0);
+        let camera = perspective(fov_degrees)?;
+        let more = unseen.seen(&self.flight.setup.volume, views.get(since..).unwrap_or(&[]), &camera, false);
+        part::add(&mut covered.sights, &numbers, &more);
+        covered.coverage = covered.wall.coverage(&covered.sights);
+        Ok(())
+    }
+
+    /// Returns the places that a review should visit, for [`FlightCommand::Review`](crate::components::input::FlightCommand::Review).
+    ///
+    /// If the places flown show much more looking back, the review flies back: it visits the far end of the first `flown` views, and
+    /// what is seen on the way there is no stop. A stop shows a patch of at least `least_mm2` that was not seen, and none is made for a
+    /// patch that another stop shows well.
+    ///
+    /// # Errors
+    /// Returns status 2 if the view angle is none.
+    pub fn review_stops(
+        self,
+        covered: &Covered,
+        fov_degrees: f64,
+        flown: usize,
+        least_mm2: f64,
+    ) -> Result<Vec<ReviewStop>> {
+        let camera = perspective(fov_degrees)?;
+        let Coverage { one_way, both_ways } = covered.coverage;
+        let is_back = both_ways - one_way >= BACK_GAINS;
+        let is_seen = |n: usize| if is_back { covered.sights[n].either } else { covered.sights[n].ahead > 0 };
+        let mut stops = Vec::new();
+        if is_back {
+            let here = self.flight.pose().position;
+            let views = self.trail().map_or(&[][..], Trail::views);
+            let flown = &views[..flown.min(views.len())];
+            let ends = [flown.first(), flown.last()].into_iter().flatten().map(|v| v.0);
+            stops.extend(ends.filter(|end| end.distance(here) > END_MM).map(|end| ReviewStop::new(end, None)));
+        }
+        let (unseen, numbers) = covered.wall.part(|n| !is_seen(n));
+        let mut is_shown = vec![false; unseen.len()];
+        for patch in self.missed_by(covered, is_seen, least_mm2) {
+            let Some(from) = patch.look_from else { continue };
+            let mm2 = |is_counted: &dyn Fn(usize) -> bool| -> f64 {
+                let own = patch.triangles.iter().filter_map(|t| numbers.binary_search(t).ok());
+                own.filter(|&n| is_counted(n)).map(|n| unseen.mm2_at(n)).sum()
+            };
+            if mm2(&|n| is_shown[n]) > SHOWN * patch.area_mm2 {
+                continue;
+            }
+            let view = (from.position, Attitude::new(from.forward, from.up));
+            let sights = unseen.seen(&self.flight.setup.volume, &[view], &camera, false);
+            sights.iter().zip(&mut is_shown).for_each(|(s, shown)| *shown |= s.ahead > 0);
+            stops.push(ReviewStop::new(from.position, Some(patch.position)));
+        }
+        Ok(stops)
     }
 
     /// Returns the wall of the gas flown through; `None` if that gas is not known.
@@ -91,13 +160,17 @@ impl<'a> Survey<'a> {
 
     /// Returns the patches that were not seen, at least 300 mm² large, the largest first.
     pub fn missed(self, covered: &Covered) -> Vec<Missed> {
+        self.missed_by(covered, |n| covered.sights[n].ahead > 0, missed::LEAST_MM2)
+    }
+
+    /// Returns the patches of at least `least_mm2` for whose triangles `is_seen` is false, the largest first.
+    fn missed_by(self, covered: &Covered, is_seen: impl Fn(usize) -> bool, least_mm2: f64) -> Vec<Missed> {
         let way: Vec<DVec3> = self.trail().map_or(&[][..], Trail::views).iter().map(|v| v.0).collect();
         let setup = &self.flight.setup;
         let radius_mm = setup.scene.body.radius_mm;
         let iso = setup.volume.transfer().iso() as f32;
         let walls = ClearanceFinder::new(setup.volume.shared_voxels(), iso, radius_mm + 1.0);
-        let is_seen = |n: usize| covered.sights[n].ahead > 0;
-        missed::missed(&covered.wall, is_seen, missed::LEAST_MM2, &way, &walls, radius_mm)
+        missed::missed(&covered.wall, is_seen, least_mm2, &way, &walls, radius_mm)
     }
 
     /// Returns the share of the path behind the camera, 0 to 1, and the path's length, mm. They refer to the plan or the log that
@@ -106,6 +179,10 @@ impl<'a> Survey<'a> {
         let Some(trail) = self.trail() else { return (0.0, 0.0) };
         (self.flight.camera::<Playback>().map_or(trail.share(), Playback::share), trail.length_mm())
     }
+}
+
+fn perspective(fov_degrees: f64) -> Result<Perspective> {
+    Perspective::new(fov_degrees).map_err(|e| Error::usage("--fov", e.why, "give an angle such as 90"))
 }
 
 #[cfg(test)]

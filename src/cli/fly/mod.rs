@@ -1,5 +1,6 @@
 //! `colvis fly`, and `colvis` without a command.
 
+mod covering;
 mod files;
 #[cfg(feature = "window")]
 mod window;
@@ -17,7 +18,6 @@ use crate::cli::args::{FlyArgs, Global, ImageSize, Point};
 use crate::cli::prepare::{self, say};
 use crate::components::flight::State;
 use crate::components::play::Direction;
-use crate::coverage::{Coverage, LiveCoverage};
 use crate::dynamics::STEP_HZ;
 use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
@@ -27,6 +27,7 @@ use crate::output;
 use crate::progress::Progress;
 use crate::render::{CameraModel, Light, Settings};
 use crate::surface::MeshFormat;
+use covering::Covering;
 use files::{read_commands, read_log, write_commands};
 
 /// Limit of a headless flight in simulated seconds, without `--seconds`.
@@ -90,6 +91,7 @@ pub(crate) fn check(args: &FlyArgs) -> Result<()> {
     }
     if args.play.is_some() {
         for (name, given) in [
+            ("--review", args.review),
             ("--guide", args.guide.is_some()),
             ("--from", args.from.is_some()),
             ("--to", args.to.is_some()),
@@ -169,7 +171,7 @@ pub(crate) fn scene(program: &Program, args: &FlyArgs, global: &Global, screen: 
     scene.image.preset = prepare::preset(program, args.preset.as_deref(), scene.image.preset)?;
     scene.image.settings.options = scene.options.of(scene.image.preset.name);
     scene.log = args.log.is_some();
-    scene.coverage |= args.coverage || args.coverage_mesh.is_some();
+    scene.coverage |= args.coverage || args.coverage_mesh.is_some() || args.review;
     scene.operator = windowed || args.replay.is_some() || args.record_input.is_some();
     if scene.picture {
         scene.image = image_settings(program, args, global, &scene, screen)?;
@@ -367,11 +369,21 @@ fn fly_with(
     };
     // A log is played to its end, however slowly.
     let most = flight.setup().scene.play().map_or(HEADLESS_SECONDS, |p| p.takes_s() + 1.0);
-    let (frames, flown) = headless::fly(&mut flight, args.seconds.unwrap_or(most), &outputs, progress);
+    let mut seen = None;
+    let mut onward = |flight: &mut FlightApp| match &covering {
+        Some(covering) => covering.onward(flight, &mut seen),
+        None => Ok(None),
+    };
+    let seconds = args.seconds.unwrap_or(most);
+    let (frames, flown) = headless::fly_on(&mut flight, seconds, &outputs, progress, &mut onward);
     flight.take_notes().iter().for_each(|note| say(note));
-    let stats = stats(&flight, &timings, &frames, covering.as_ref().filter(|_| flown.is_ok()));
+    let covered = match (&covering, seen) {
+        (Some(covering), Some(seen)) if flown.is_ok() => Some(covering.stats(seen)),
+        _ => None,
+    };
+    let stats = stats(&flight, &timings, &frames, covered.as_ref());
     drop(bar);
-    let left = stats.and_then(|stats| leave(args, &flight, &stats));
+    let left = leave(args, &flight, &stats);
     flown.and(left)?;
     report(&flight);
     if short {
@@ -405,57 +417,31 @@ fn report(flight: &FlightApp) {
     }
 }
 
-/// What is asked about the wall that was seen.
-#[derive(Clone, Debug)]
-struct Covering {
-    fov_degrees: f64,
-    /// File for the wall with what was seen of it.
-    mesh: Option<PathBuf>,
-}
-
-impl Covering {
-    /// # Errors
-    /// Returns status 2 for a view angle that is none.
-    fn asked(args: &FlyArgs, global: &Global) -> Result<Option<Self>> {
-        if !args.coverage && args.coverage_mesh.is_none() {
-            return Ok(None);
-        }
-        let fov_degrees = prepare::fov(global, CameraModel::default())?;
-        Ok(Some(Self { fov_degrees, mesh: args.coverage_mesh.clone() }))
-    }
-
-    /// Adds the coverage to the stats, and writes the mesh.
-    fn add(&self, flight: &FlightApp, m: &mut serde_json::Map<String, serde_json::Value>) -> Result<()> {
-        let covered = flight.survey().coverage(self.fov_degrees, self.mesh.is_some())?;
-        let share = |of: fn(Coverage) -> f64| json!(covered.as_ref().map(|c| of(c.coverage)));
-        m.insert("coverage".to_owned(), share(|c| c.one_way));
-        m.insert("coverage_both_ways".to_owned(), share(|c| c.both_ways));
-        if let Some(live) = flight.camera::<LiveCoverage>() {
-            m.insert("coverage_live".to_owned(), json!(live.share()));
-        }
-        m.insert("wall_mm2".to_owned(), json!(covered.as_ref().map_or(0.0, |c| c.wall.mm2())));
-        m.insert("missed".to_owned(), json!(covered.as_ref().map_or_else(Vec::new, |c| flight.survey().missed(c))));
-        match (&self.mesh, &covered) {
-            (Some(path), Some(c)) => c.wall.save(path, &c.sights),
-            (Some(path), None) => {
-                say(&format!("{} is not written: no gas was flown through", path.display()));
-                Ok(())
-            }
-            (None, _) => Ok(()),
-        }
-    }
-}
-
-/// Stats of a flight, with the coverage of the wall if that is asked.
+/// Stats of a flight.
 fn stats(
     flight: &FlightApp,
     timings: &Timings,
     frames: &[FrameStats],
-    covering: Option<&Covering>,
-) -> Result<serde_json::Value> {
-    let f = flight.flight();
+    covered: Option<&covering::Stats>,
+) -> serde_json::Value {
     let mut m = prepare::stats_head(timings);
     m.insert("frames".to_owned(), json!(frames));
+    match covered {
+        Some(covered) => {
+            if let (Some([planned_s, distance_s]), Some(prepare)) = (covered.took, m.get_mut("prepare")) {
+                (prepare["review_s"], prepare["review_distance_s"]) = (json!(planned_s), json!(distance_s));
+            }
+            m.extend(covered.flight.clone().into_iter().chain(covered.wall.clone()));
+        }
+        None => m.extend(flight_stats(flight)),
+    }
+    m.into()
+}
+
+/// How a flight went.
+fn flight_stats(flight: &FlightApp) -> serde_json::Map<String, serde_json::Value> {
+    let f = flight.flight();
+    let mut m = serde_json::Map::new();
     m.insert("state".to_owned(), json!(f.state));
     m.insert("reason".to_owned(), json!(f.reason));
     m.insert("place_mm".to_owned(), json!(flight.pose().position.to_array()));
@@ -480,10 +466,7 @@ fn stats(
     if let Some(route) = setup.fields.route() {
         m.insert("names".to_owned(), json!(setup.lumen.names().on(route.points())));
     }
-    if let Some(covering) = covering {
-        covering.add(flight, &mut m)?;
-    }
-    Ok(m.into())
+    m
 }
 
 #[cfg(test)]
@@ -598,8 +581,8 @@ mod tests {
         let mut flight = FlightApp::new(volume, Arc::new(lumen), plan, Scene::default()).unwrap();
         flight.fly(0.2).unwrap();
         let covered = |degrees: f64| {
-            let stats =
-                stats(&flight, &Timings::default(), &[], Some(&Covering { fov_degrees: degrees, mesh: None })).unwrap();
+            let covering = Covering { fov_degrees: degrees, ..Covering::default() };
+            let stats = stats(&flight, &Timings::default(), &[], Some(&covering.flown(&flight).unwrap()));
             [&stats["coverage"], &stats["coverage_both_ways"]].map(|c| c.as_f64().unwrap())
         };
         let [ahead, both_ways] = covered(90.0);
@@ -607,7 +590,7 @@ mod tests {
         // the other end, too.
         assert!((0.5..0.8).contains(&ahead) && both_ways > ahead, "{ahead} {both_ways}");
         assert!(covered(2.0)[0] < 0.05, "hardly more than the middle of the end");
-        let without = stats(&flight, &Timings::default(), &[], None).unwrap();
+        let without = stats(&flight, &Timings::default(), &[], None);
         assert!(without.get("coverage").is_none());
     }
 

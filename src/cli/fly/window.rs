@@ -114,7 +114,8 @@ fn opening(
     let finish = Box::new(move |flight: &FlightApp, frames: &[FrameStats], shown: &window::Shown| {
         flown.set(true);
         let timings = finish_timings.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut stats = stats(flight, &timings, frames, covering.as_ref())?;
+        let covered = covering.as_ref().map(|c| c.flown(flight)).transpose()?;
+        let mut stats = stats(flight, &timings, frames, covered.as_ref());
         if let (serde_json::Value::Object(shown), Some(stats)) = (json!(shown), stats.as_object_mut()) {
             stats.extend(shown);
         }

@@ -16,6 +16,8 @@ use crate::fields::Clearances;
 pub const STEP_MM: f64 = 1.0;
 /// Number of positions along the route tried when looking for one that the body can reach.
 const REACHABLE_TRIED: usize = 6;
+/// Difference of distance up to which two positions along the route are passes of the same place, mm.
+const PASS_MM: f64 = 4.0;
 /// Distance ahead that is searched for narrow places, mm.
 const NARROW_AHEAD_MM: f64 = 15.0;
 /// The path is narrow where it leaves the body no more than this on each side, mm.
@@ -229,6 +231,19 @@ impl Route {
         places.iter().take(REACHABLE_TRIED).find(free).or(places.first()).copied().unwrap_or(0.0)
     }
 
+    /// Returns the position along the path, mm, that a free straight line from `at` (world mm) reaches, near the path and nearest to
+    /// `s` mm along it.
+    ///
+    /// For a path that passes the same places several times: positions up to 4 mm farther than the nearest one count as passes of the
+    /// same place.
+    pub fn nearest_pass(&self, walls: &impl Clearances, at: DVec3, s: f64) -> f64 {
+        let nearest = self.nearest_reachable(walls, at);
+        let far = self.place(nearest).distance(at) + PASS_MM;
+        let passes = self.nearest(at).into_iter().take_while(|&p| self.place(p).distance(at) <= far + STEP_MM);
+        let free = passes.filter(|&p| self.place(p).distance(at) <= far && !walls.enters(at, self.place(p)));
+        free.min_by(|a, b| (a - s).abs().total_cmp(&(b - s).abs())).unwrap_or(nearest)
+    }
+
     /// Returns the least distance from the path to the nearest wall over the next 15 mm after `s` mm, mm.
     pub fn narrowest_ahead(&self, s: f64) -> f64 {
         let ahead = (0..(NARROW_AHEAD_MM as i32)).map(|n| self.clearance(s + f64::from(n)));
@@ -326,6 +341,20 @@ mod tests {
         assert!((r.nearest_reachable(&RouteCache, at) - 10.0).abs() < 0.1);
         let above = DVec3::new(10.0, 2.5, 0.0);
         assert!((r.nearest_reachable(&RouteCache, above) - 73.0).abs() < 1.0);
+    }
+
+    #[test]
+    fn a_path_that_returns_is_joined_on_the_same_pass() {
+        // There at y = 0, back at y = −1.
+        let line: Vec<_> = (0..=40)
+            .map(|n| DVec3::new(f64::from(n), 0.0, 0.0))
+            .chain((0..=40).map(|n| DVec3::new(40.0 - f64::from(n), -1.0, 0.0)))
+            .collect();
+        let r = Route::along(&line, &vec![2.0; line.len()], DVec3::Z).unwrap();
+        let at = DVec3::new(10.0, 0.3, 0.0);
+        assert!((r.nearest_pass(&RouteCache, at, 12.0) - 10.0).abs() < 0.2);
+        assert!((r.nearest_pass(&RouteCache, at, 75.0) - 71.0).abs() < 1.0);
+        assert!((r.nearest_pass(&RouteCache, at - DVec3::Y * 20.0, 12.0) - 10.0).abs() < 0.2);
     }
 
     #[test]

@@ -7,6 +7,7 @@
 
 mod cells;
 mod fit;
+pub mod legs;
 mod peel;
 mod polyline;
 mod roadmap;

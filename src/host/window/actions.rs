@@ -115,6 +115,11 @@ fn may_see_missed(c: &FlightController) -> std::result::Result<(), &'static str>
     c.may_see_missed()
 }
 
+/// A replayed log knows no tour.
+fn may_review(c: &FlightController) -> std::result::Result<(), &'static str> {
+    flies_itself(c).and_then(|()| c.may_see_missed())
+}
+
 fn shows_slices(c: &FlightController) -> std::result::Result<(), &'static str> {
     if c.shows_slices() { Ok(()) } else { Err("no slice is shown") }
 }
@@ -294,6 +299,11 @@ const TABLE: &[Row] = &[
         possible: may_see_missed,
         ..once("missed-next", "next patch of the wall that was missed", "Ctrl+F", |c, at| c.next_missed(at.now))
     },
+    Row {
+        row: SEEN_ROW,
+        possible: may_review,
+        ..once("review", "review: fly past all that was missed, end that", "Ctrl+V", |c, at| c.switch_review(at.now))
+    },
     once("undo", "undo the last change to distances, answers or kinds", "Ctrl+Z", FlightController::undo),
     once("delete-last", "delete the last distance", "Delete", FlightController::delete_last_measure),
     once("screenshot", "screenshot and its pose", "P F12", FlightController::take_screenshot),
@@ -305,7 +315,7 @@ const TABLE: &[Row] = &[
 /// Row of the help for the keys of grey-level windows.
 const WINDOW_ROW: &str = "window: colon, soft tissue, bone, lung";
 /// Row of the help for the wall that was not seen.
-const SEEN_ROW: &str = "wall not seen: paint it, next missed patch";
+const SEEN_ROW: &str = "wall not seen: paint it, next missed patch, review all";
 /// Row of the help for the keys of thick slices.
 const SLAB_ROW: &str = "slices: slab thickness, projection";
 
@@ -365,6 +375,7 @@ pub(crate) const MENUS: &[(&str, &[&str])] = &[
             "usual-angle",
             "unseen",
             "missed-next",
+            "review",
             "overlay-",
             "fullscreen",
         ],

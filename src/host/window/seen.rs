@@ -10,9 +10,10 @@ use glam::DVec3;
 use super::job::Job;
 use super::screenshot_renderer::WakeUp;
 use crate::app::{FlightApp, Setup};
+use crate::components::review::ReviewStop;
 use crate::coverage::{CoveragePaint, LiveCoverage, Missed, missed};
 use crate::error::Result;
-use crate::fields::ClearanceFinder;
+use crate::fields::{ClearanceFinder, Lumen, Through, WallDistance};
 use crate::progress::Progress;
 
 /// Time between two looks at the progress.
@@ -24,6 +25,8 @@ enum Stage {
     Beginning(Job<(LiveCoverage, CoveragePaint)>),
     /// The missed patches are listed.
     Listing(Job<Vec<Missed>>),
+    /// The distances to the wall are computed, by which a tour is planned.
+    Preparing(Job<(Arc<Lumen>, Arc<WallDistance>)>),
     /// It failed, and why.
     Failed(String),
 }
@@ -37,8 +40,8 @@ pub(crate) struct Seen {
     current: Option<usize>,
     /// The paint, while it is not shown.
     paint: Option<CoveragePaint>,
-    /// Go to the next patch once they are listed.
-    goes_on: bool,
+    /// What follows once the patches are listed.
+    then: Then,
     /// When the progress was looked at.
     looked: Instant,
 }
@@ -47,8 +50,20 @@ pub(crate) struct Seen {
 pub(crate) enum News {
     /// The flight is watched from now on.
     Begun,
-    /// The missed patches are listed; true if the next one is to be shown.
-    Listed(bool),
+    /// The missed patches are listed, and what is to follow.
+    Listed(Then),
+    /// A tour can be planned.
+    Prepared,
+}
+
+/// What follows on a list of the missed patches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Then {
+    Nothing,
+    /// Go to the next one.
+    Next,
+    /// Fly past all of them.
+    Review,
 }
 
 impl Seen {
@@ -59,7 +74,7 @@ impl Seen {
             list: None,
             current: None,
             paint: None,
-            goes_on: false,
+            then: Then::Nothing,
             looked: now,
         }
     }
@@ -93,11 +108,10 @@ impl Seen {
         Ok(())
     }
 
-    /// Lists the missed patches in the background; with `goes_on` the next one is shown then. Does nothing before the flight is
-    /// watched.
-    pub(crate) fn list_missed(&mut self, goes_on: bool, flight: &FlightApp, wake: &WakeUp, now: Instant) {
-        self.goes_on = goes_on;
-        if matches!(self.stage, Stage::Beginning(_) | Stage::Listing(_)) {
+    /// Lists the missed patches in the background. Does nothing before the flight is watched.
+    pub(crate) fn list_missed(&mut self, then: Then, flight: &FlightApp, wake: &WakeUp, now: Instant) {
+        self.then = then;
+        if self.next().is_some() {
             return;
         }
         if let Some(coverage) = flight.camera::<LiveCoverage>() {
@@ -136,7 +150,19 @@ impl Seen {
                     Some(Ok(list)) => {
                         self.stage = Stage::Idle;
                         (self.list, self.current) = (Some(list), None);
-                        return Ok(Some(News::Listed(self.goes_on)));
+                        return Ok(Some(News::Listed(self.then)));
+                    }
+                    Some(Err(e)) => e,
+                }
+            }
+            Stage::Preparing(job) => {
+                self.looked = now;
+                match job.take() {
+                    None => return Ok(None),
+                    Some(Ok((gas, walls))) => {
+                        self.stage = Stage::Idle;
+                        flight.adopt_walls(gas, walls);
+                        return Ok(Some(News::Prepared));
                     }
                     Some(Err(e)) => e,
                 }
@@ -149,7 +175,8 @@ impl Seen {
 
     /// Returns when the progress has to be looked at.
     pub(crate) fn next(&self) -> Option<Instant> {
-        matches!(self.stage, Stage::Beginning(_) | Stage::Listing(_)).then_some(self.looked + LOOKS)
+        let is_working = matches!(self.stage, Stage::Beginning(_) | Stage::Listing(_) | Stage::Preparing(_));
+        is_working.then_some(self.looked + LOOKS)
     }
 
     /// Returns what is being done, or why it failed; `None` if nothing is.
@@ -158,6 +185,7 @@ impl Seen {
             Stage::Idle => None,
             Stage::Beginning(_) => Some(Ok("looking at the wall")),
             Stage::Listing(_) => Some(Ok("listing what was missed")),
+            Stage::Preparing(_) => Some(Ok("preparing the tour")),
             Stage::Failed(why) => Some(Err(why)),
         }
     }
@@ -188,6 +216,22 @@ impl Seen {
         order.into_iter().find(|&n| list[n].look_from.is_some() && coverage.share_of(&list[n].triangles) < 0.5)
     }
 
+    /// Prepares to plan a tour, in the background if that takes long. Returns true if nothing is to be done.
+    pub(crate) fn prepare_tour(&mut self, flight: &FlightApp, wake: &WakeUp, now: Instant) -> bool {
+        if flight.knows_walls_to_tour() || self.next().is_some() {
+            return flight.knows_walls_to_tour();
+        }
+        self.looked = now;
+        self.stage = prepare(flight, wake).map_or_else(|e| Stage::Failed(e.to_string()), Stage::Preparing);
+        false
+    }
+
+    /// Returns the stops of a review: the places to look at each patch from that was not seen since it was listed.
+    pub(crate) fn stops(&self, coverage: &LiveCoverage) -> Vec<ReviewStop> {
+        let list = self.list.iter().flatten().filter(|m| coverage.share_of(&m.triangles) < 0.5);
+        list.filter_map(|m| Some(ReviewStop::new(m.look_from?.position, Some(m.position)))).collect()
+    }
+
     /// Marks for slices: another number once they have to be drawn anew. `None` while nothing is painted.
     pub(crate) fn marks(&self, flight: &FlightApp) -> Option<u64> {
         let coverage = flight.camera::<LiveCoverage>().filter(|_| self.is_painted)?;
@@ -210,6 +254,18 @@ fn begin(flight: &FlightApp, wake: &WakeUp) -> Result<Job<(LiveCoverage, Coverag
     };
     let wake = Arc::clone(wake);
     Job::start("coverage", &Arc::new(Progress::new()), work, move || wake())
+}
+
+/// Computes the distances to the wall of the gas that is flown, in the background.
+fn prepare(flight: &FlightApp, wake: &WakeUp) -> Result<Job<(Arc<Lumen>, Arc<WallDistance>)>> {
+    let Setup { volume, lumen, plan, .. } = flight.setup();
+    let (volume, gas) = (volume.clone(), Arc::clone(plan.gas.as_ref().unwrap_or(lumen)));
+    let work = move |progress: &Arc<Progress>| {
+        let walls = WallDistance::of_lumen(volume.voxels(), &gas, Through::Gas, progress)?;
+        Ok((gas, Arc::new(walls)))
+    };
+    let wake = Arc::clone(wake);
+    Job::start("tour", &Arc::new(Progress::new()), work, move || wake())
 }
 
 /// Lists the missed patches in the background.

@@ -5,9 +5,14 @@ use std::time::Instant;
 use super::FlightController;
 use super::pointing::go_to;
 use crate::components::camera::Pose;
+use crate::components::input::{FlightCommand, HandCommand};
 use crate::coverage::LiveCoverage;
 use crate::dynamics::Attitude;
-use crate::host::window::seen::{News, Seen};
+use crate::dynamics::route::profile::PathSettings;
+use crate::host::window::seen::{News, Seen, Then};
+
+/// About how long a review stays at a place, s.
+const STOP_S: f64 = 2.0;
 
 impl FlightController {
     /// Returns what of the wall was seen.
@@ -50,7 +55,7 @@ impl FlightController {
 
     /// Lists the missed patches anew.
     pub(crate) fn list_missed(&mut self, now: Instant) {
-        self.seen.list_missed(false, &self.flight, &self.wake, now);
+        self.seen.list_missed(Then::Nothing, &self.flight, &self.wake, now);
         self.attention = true;
     }
 
@@ -60,7 +65,7 @@ impl FlightController {
         match self.seen.next_missed(coverage) {
             Some(n) => self.visit_missed(n, now),
             None => {
-                self.seen.list_missed(true, &self.flight, &self.wake, now);
+                self.seen.list_missed(Then::Next, &self.flight, &self.wake, now);
                 self.say("listing what was missed ...", now);
             }
         }
@@ -86,6 +91,42 @@ impl FlightController {
         self.quiet = 0;
     }
 
+    /// Flies past all patches that were missed, or ends that tour.
+    pub(crate) fn switch_review(&mut self, now: Instant) {
+        if self.flight.tour().is_some() {
+            if self.act(FlightCommand::EndReview, now) {
+                self.say("review ended", now);
+            }
+        } else if self.seen.next().is_none() {
+            self.stop(now);
+            self.seen.list_missed(Then::Review, &self.flight, &self.wake, now);
+            self.say("planning the review ...", now);
+        }
+    }
+
+    /// Sets out on a tour past the patches of the list.
+    fn begin_review(&mut self, now: Instant) {
+        if !self.seen.prepare_tour(&self.flight, &self.wake, now) {
+            return;
+        }
+        let Some(coverage) = self.flight.camera::<LiveCoverage>() else { return };
+        let stops = self.seen.stops(coverage);
+        if stops.is_empty() {
+            return self.say("nothing of what was missed can be looked at", now);
+        }
+        if self.act(FlightCommand::Review(stops), now) {
+            if self.hand().paused {
+                self.slices.follow();
+                self.act(HandCommand::Pause(false), now);
+            }
+            let tour = self.flight.tour();
+            let (count, mm) = tour.map_or((0, 0.0), |t| (t.stops.len(), t.route.length_mm()));
+            let path = self.flight.setup().scene.guides.get::<PathSettings>();
+            let minutes = (mm / path.cruise_mm_s + STOP_S * count as f64) / 60.0;
+            self.say(format!("review: {count} places in {mm:.0} mm, about {minutes:.0} min; Ctrl+V ends it"), now);
+        }
+    }
+
     /// Takes what has come out of the background.
     pub(super) fn take_seen(&mut self, now: Instant) {
         match self.seen.take(&mut self.flight, now) {
@@ -96,15 +137,17 @@ impl FlightController {
                 self.list_missed(now);
                 self.paint_anew();
             }
-            Ok(Some(News::Listed(goes_on))) => {
+            Ok(Some(News::Listed(then))) => {
                 self.attention = true;
                 let next = self.flight.camera::<LiveCoverage>().and_then(|c| self.seen.next_missed(c));
-                match next.filter(|_| goes_on) {
-                    Some(n) => self.visit_missed(n, now),
-                    None if goes_on => self.say("nothing larger than 3 cm² was missed", now),
-                    None => {}
+                match (then, next) {
+                    (Then::Nothing, _) => {}
+                    (_, None) => self.say("nothing larger than 3 cm² was missed", now),
+                    (Then::Next, Some(n)) => self.visit_missed(n, now),
+                    (Then::Review, Some(_)) => self.begin_review(now),
                 }
             }
+            Ok(Some(News::Prepared)) => self.begin_review(now),
             Err(e) => self.say(e.to_string(), now),
         }
     }

@@ -48,6 +48,8 @@ impl Panel for MissedPanel {
         ui.label(format!("{:.1} % of the wall seen", 100.0 * coverage.share()));
         ui.horizontal_wrapped(|ui| {
             context.button(ui, "Next missed", "missed-next", requests);
+            let is_touring = context.flight.tour().is_some();
+            context.button(ui, if is_touring { "End the review" } else { "Review all" }, "review", requests);
             if ui.button("List again").on_hover_text("the patches that are not seen until now").clicked() {
                 requests.ask(Request::Seen(SeenInput::List));
             }

@@ -1,0 +1,252 @@
+//! What of the wall a flight has seen, and the review of what it has missed.
+
+use std::path::PathBuf;
+
+use serde_json::{Map, Value, json};
+
+use super::flight_stats;
+use crate::app::{Covered, FlightApp};
+use crate::cli::args::{FlyArgs, Global};
+use crate::cli::prepare::{self, say};
+use crate::components::flight::State;
+use crate::components::input::FlightCommand;
+use crate::coverage::{LiveCoverage, tour};
+use crate::error::Result;
+use crate::output;
+use crate::render::CameraModel;
+
+/// The rounds of a review: the least area of a patch that is visited, mm². Those after the first are flown while less than
+/// [`ENOUGH`] of the wall was seen, and the round before has gained.
+const ROUNDS: [f64; 3] = [300.0, 100.0, 40.0];
+/// A share of the wall that is enough.
+const ENOUGH: f64 = 0.975;
+/// A round that shows less of the wall than this is the last.
+const LEAST_GAIN: f64 = 0.002;
+/// Looking back shows enough to be told if it shows this share of the wall more.
+const BACK_TOLD: f64 = 0.005;
+/// Maximum duration of a tour, simulated seconds.
+const TOUR_SECONDS: f64 = 3600.0;
+/// Random orders that a tour is compared with.
+const RANDOM: u64 = 1000;
+
+/// What is asked about the wall that was seen.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Covering {
+    /// View angle, degrees.
+    pub fov_degrees: f64,
+    /// File for the wall with what was seen of it.
+    pub mesh: Option<PathBuf>,
+    /// True if what was missed is visited.
+    pub review: bool,
+}
+
+/// What was seen, and how the review goes.
+pub(super) struct Seen {
+    stats: Stats,
+    covered: Option<Covered>,
+    /// Number of views before the review, and those whose coverage is known.
+    flown: usize,
+    counted: usize,
+    tours: Vec<Tour>,
+    /// Areas of the rounds to come, mm².
+    rounds: &'static [f64],
+    is_over: bool,
+}
+
+/// Parts of the stats.
+pub(super) struct Stats {
+    /// How the flight went, without its review.
+    pub flight: Map<String, Value>,
+    /// What of the wall was seen.
+    pub wall: Map<String, Value>,
+    /// Time for planning the tours of a review, s, and before it for the distances to the wall.
+    pub took: Option<[f64; 2]>,
+}
+
+/// A tour of the review.
+#[derive(Clone, Copy, Debug, Default)]
+struct Tour {
+    stops: usize,
+    reached: usize,
+    left_out: usize,
+    /// Length as flown, and time, s.
+    length_mm: f64,
+    seconds: f64,
+    /// Over cells: the order flown, and the best of random ones.
+    order_mm: f64,
+    random_mm: f64,
+    planned_s: f64,
+    distance_s: f64,
+    /// Share of the wall that it has shown and the flight had not.
+    gain: f64,
+}
+
+impl Covering {
+    /// # Errors
+    /// Returns status 2 for a view angle that is none.
+    pub(super) fn asked(args: &FlyArgs, global: &Global) -> Result<Option<Self>> {
+        if !args.coverage && args.coverage_mesh.is_none() && !args.review {
+            return Ok(None);
+        }
+        let fov_degrees = prepare::fov(global, CameraModel::default())?;
+        Ok(Some(Self { fov_degrees, mesh: args.coverage_mesh.clone(), review: args.review }))
+    }
+
+    /// Returns the stats of a flight in a window, where the operator decides on a review.
+    #[cfg(any(feature = "window", test))]
+    pub(super) fn flown(&self, flight: &FlightApp) -> Result<Stats> {
+        self.first(flight).map(|seen| seen.stats)
+    }
+
+    /// Looks at what was seen when the flight or a tour has ended, and sets out on the next tour. Returns the time for it, s; `None` if
+    /// it is over.
+    pub(super) fn onward(&self, flight: &mut FlightApp, seen: &mut Option<Seen>) -> Result<Option<f64>> {
+        let Some(seen) = seen else {
+            let first = self.first(flight)?;
+            let is_over = first.is_over;
+            let seen = seen.insert(first);
+            return if is_over { Ok(None) } else { self.set_out(flight, seen) };
+        };
+        if seen.is_over {
+            return Ok(None);
+        }
+        self.end_tour(flight, seen)?;
+        self.set_out(flight, seen)
+    }
+
+    /// Looks at what the flight has seen.
+    fn first(&self, flight: &FlightApp) -> Result<Seen> {
+        let covered = flight.survey().coverage(self.fov_degrees, self.mesh.is_some())?;
+        let mut wall = Map::new();
+        let both = covered.as_ref().map(|c| c.coverage);
+        wall.insert("coverage".to_owned(), json!(both.map(|c| c.one_way)));
+        wall.insert("coverage_both_ways".to_owned(), json!(both.map(|c| c.both_ways)));
+        if let Some(live) = flight.camera::<LiveCoverage>() {
+            wall.insert("coverage_live".to_owned(), json!(live.share()));
+        }
+        wall.insert("wall_mm2".to_owned(), json!(covered.as_ref().map_or(0.0, |c| c.wall.mm2())));
+        let missed = covered.as_ref().map_or_else(Vec::new, |c| flight.survey().missed(c));
+        wall.insert("missed".to_owned(), json!(missed));
+        match (&self.mesh, &covered) {
+            (Some(path), Some(c)) => c.wall.save(path, &c.sights)?,
+            (Some(path), None) => say(&format!("{} is not written: no gas was flown through", path.display())),
+            (None, _) => {}
+        }
+        let back = both.map_or(0.0, |c| c.both_ways - c.one_way);
+        if self.review {
+            let better = if back >= BACK_TOLD { "back" } else { "either" };
+            wall.insert("better_direction".to_owned(), json!(better));
+            if back >= BACK_TOLD {
+                let percent = 100.0 * back;
+                output::to_stderr(format_args!("flying back alone would show {percent:.1} % of the wall more"));
+            }
+        }
+        let flown = views(flight);
+        let is_over = !self.review || covered.is_none() || flight.flight().state == State::Operator;
+        let stats = Stats { flight: flight_stats(flight), wall, took: self.review.then_some([0.0; 2]) };
+        Ok(Seen { stats, covered, flown, counted: flown, tours: Vec::new(), rounds: &ROUNDS, is_over })
+    }
+
+    /// Sets out on the next tour, if one is due.
+    fn set_out(&self, flight: &mut FlightApp, seen: &mut Seen) -> Result<Option<f64>> {
+        seen.is_over = true;
+        let Some(covered) = seen.covered.as_ref() else { return Ok(None) };
+        let gains = match &seen.tours[..] {
+            [] => true,
+            [.., last] => last.gain >= LEAST_GAIN && covered.coverage.one_way < ENOUGH,
+        };
+        if !gains {
+            return Ok(None);
+        }
+        let mut stops = Vec::new();
+        while let Some((least_mm2, later)) = seen.rounds.split_first().filter(|_| stops.is_empty()) {
+            seen.rounds = later;
+            stops = flight.survey().review_stops(covered, self.fov_degrees, seen.flown, *least_mm2)?;
+        }
+        if stops.is_empty() {
+            return Ok(None);
+        }
+        match flight.act(FlightCommand::Review(stops)) {
+            Err(e) if e.what == "review" => {
+                say(&e.to_string());
+                return Ok(None);
+            }
+            acted => acted?,
+        }
+        let Some(plan) = flight.tour() else { return Ok(None) };
+        seen.tours.push(Tour {
+            stops: plan.stops.len(),
+            left_out: plan.order.left_out.len(),
+            order_mm: plan.order.length_mm,
+            random_mm: tour::best_of_random(&plan.distances, RANDOM, 1),
+            planned_s: plan.planned_s,
+            distance_s: plan.distance_s,
+            length_mm: flight.flight().length_mm,
+            seconds: flight.clock().seconds(),
+            ..Tour::default()
+        });
+        seen.is_over = false;
+        Ok(Some(TOUR_SECONDS))
+    }
+
+    /// Looks at what a tour has shown.
+    fn end_tour(&self, flight: &mut FlightApp, seen: &mut Seen) -> Result<()> {
+        let is_complete = flight.tour().is_none();
+        let reason = flight.flight().reason;
+        flight.act(FlightCommand::EndReview)?;
+        let (Some(covered), Some(tour)) = (&mut seen.covered, seen.tours.last_mut()) else { return Ok(()) };
+        let before = covered.coverage.one_way;
+        flight.survey().cover_more(covered, self.fov_degrees, seen.counted)?;
+        seen.counted = views(flight);
+        tour.reached = flight.stops_reached();
+        tour.length_mm = flight.flight().length_mm - tour.length_mm;
+        tour.seconds = flight.clock().seconds() - tour.seconds;
+        tour.gain = covered.coverage.one_way - before;
+        let ended = match is_complete {
+            true => String::new(),
+            false if reason.is_empty() => ", cut short".to_owned(),
+            false => format!(", cut short: {reason}"),
+        };
+        output::to_stderr(format_args!(
+            "review: {} of {} stops in {:.0} mm and {:.0} s; {:.1} % of the wall seen, {:.1} % before{ended}",
+            tour.reached,
+            tour.stops,
+            tour.length_mm,
+            tour.seconds,
+            100.0 * covered.coverage.one_way,
+            100.0 * before
+        ));
+        Ok(())
+    }
+
+    /// Returns the parts of the stats, and tells the better direction of the next pass.
+    pub(super) fn stats(&self, mut seen: Seen) -> Stats {
+        let Some(covered) = seen.covered.filter(|_| self.review) else { return seen.stats };
+        let tours = &seen.tours;
+        let sum = |of: fn(&Tour) -> f64| tours.iter().map(of).sum::<f64>();
+        let count = |of: fn(&Tour) -> usize| tours.iter().map(of).sum::<usize>();
+        let list = |of: fn(&Tour) -> f64| json!(tours.iter().map(of).collect::<Vec<_>>());
+        let m = &mut seen.stats.wall;
+        m.insert("coverage_after_review".to_owned(), json!(covered.coverage.one_way));
+        m.insert(
+            "review".to_owned(),
+            json!({
+                "stops": count(|t| t.stops),
+                "reached": count(|t| t.reached),
+                "left_out": count(|t| t.left_out),
+                "tours": tours.len(),
+                "length_mm": sum(|t| t.length_mm),
+                "seconds": sum(|t| t.seconds),
+                "gain": list(|t| t.gain),
+                "order_mm": list(|t| t.order_mm),
+                "order_best_of_1000_mm": list(|t| t.random_mm),
+            }),
+        );
+        seen.stats.took = Some([sum(|t| t.planned_s), sum(|t| t.distance_s)]);
+        seen.stats
+    }
+}
+
+fn views(flight: &FlightApp) -> usize {
+    flight.survey().trail().map_or(0, |t| t.views().len())
+}

@@ -1,0 +1,44 @@
+//! A part of the wall: of some segments, or what was not seen, to look at it again.
+
+use super::sight::Sight;
+use super::wall::Wall;
+
+impl Wall {
+    /// Returns the triangles that `which` is true for as a wall of their own, and their numbers in this one, ascending.
+    pub fn part(&self, which: impl Fn(usize) -> bool) -> (Self, Vec<u32>) {
+        let numbers: Vec<u32> = (0..self.len()).filter(|&n| which(n)).map(|n| n as u32).collect();
+        let each = || numbers.iter().map(|&n| n as usize);
+        let mut number = vec![u32::MAX; self.places.len()];
+        each().flat_map(|n| self.triangles[n]).for_each(|v| number[v as usize] = 0);
+        let mut places = Vec::new();
+        for (old, new) in number.iter_mut().enumerate().filter(|(_, new)| **new == 0) {
+            *new = places.len() as u32;
+            places.push(self.places[old]);
+        }
+        let mut part = Self {
+            origin: self.origin,
+            places,
+            triangles: each().map(|n| self.triangles[n].map(|v| number[v as usize])).collect(),
+            centroids: each().map(|n| self.centroids[n]).collect(),
+            normals: each().map(|n| self.normals[n]).collect(),
+            areas: each().map(|n| self.areas[n]).collect(),
+            ..Self::default()
+        };
+        part.divide();
+        (part, numbers)
+    }
+
+    /// Returns the area of a triangle, mm².
+    pub fn mm2_at(&self, n: usize) -> f64 {
+        f64::from(self.areas[n])
+    }
+}
+
+/// Adds what later views saw of a part of the wall to what was seen of all of it.
+pub(crate) fn add(sights: &mut [Sight], numbers: &[u32], more: &[Sight]) {
+    for (&n, more) in numbers.iter().zip(more) {
+        let sight = &mut sights[n as usize];
+        sight.ahead = sight.ahead.saturating_add(more.ahead);
+        sight.either |= more.either;
+    }
+}
