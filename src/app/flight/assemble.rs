@@ -8,6 +8,7 @@ use super::{FlightApp, Setup};
 use crate::app::plan::{self, Plan};
 use crate::app::scene::Scene;
 use crate::components::camera::{AngularMomentum, Body, Contact, Heading, Pose, Velocity};
+use crate::components::clock::Clock;
 use crate::components::flight::{Flight, Flown, Goal, GoalMissed};
 use crate::components::guide::{Automatic, GuideThrust, Planned};
 use crate::components::output::Picture;
@@ -74,7 +75,9 @@ impl FlightApp {
             let mut coverage = LiveCoverage::of(volume, gas, &self.progress)?;
             // In another lumen the views until now have seen another wall.
             let views = self.camera::<Trail>().map_or(&[][..], Trail::views);
-            coverage.catch_up(volume, views, self.clock().seconds());
+            // Before the flight's first step there is no clock, and no view.
+            let seconds = self.app.world.get_resource::<Clock>().map_or(0.0, Clock::seconds);
+            coverage.catch_up(volume, views, seconds);
             self.app.camera().insert(coverage);
         }
         Ok(())

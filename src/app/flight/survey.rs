@@ -193,6 +193,7 @@ mod tests {
     use crate::app::{Plan, Scene};
     use crate::fields::Lumen;
     use crate::fields::lumen::Segment;
+    use crate::progress::Progress;
     use crate::testing::Room;
 
     #[test]
@@ -218,5 +219,17 @@ mod tests {
         assert_eq!(flight.survey().unflown(), [(0, 50.0), (3, 20.0)]);
         flight.camera_mut::<Flown>().unwrap().done.extend([0, 3]);
         assert!(flight.survey().unflown().is_empty());
+    }
+
+    #[test]
+    fn a_flight_watches_the_coverage_from_its_start() {
+        let room = Room::new([20, 60, 20]);
+        let volume = room.scan();
+        let lumen = Arc::new(lumen::gas_at(volume.voxels(), room.centre(), &Progress::new()).unwrap().unwrap());
+        let plan = Plan::between(DVec3::splat(10.0), DVec3::new(10.0, 50.0, 10.0), 40.0);
+        let mut flight = FlightApp::new(volume, lumen, plan, Scene { coverage: true, ..Scene::default() }).unwrap();
+        assert_eq!(flight.camera::<LiveCoverage>().map(LiveCoverage::share), Some(0.0));
+        flight.fly(0.5).unwrap();
+        assert!(flight.camera::<LiveCoverage>().unwrap().share() > 0.3);
     }
 }
