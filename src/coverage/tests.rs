@@ -6,11 +6,13 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3};
 
 use super::missed::{self, LEAST_MM2};
-use super::{Coverage, Sight, Wall};
+use super::{Coverage, CoveragePaint, LiveCoverage, Sight, Wall, paint_slice};
 use crate::dynamics::Attitude;
 use crate::fields::{ClearanceFinder, lumen};
 use crate::progress::Progress;
 use crate::render::camera::Perspective;
+use crate::render::slice::{Slice, SlicePlane};
+use crate::render::{Frame, View};
 use crate::space::{PreparedVolume, TransferFunction};
 use crate::volume::{Grid, Volume};
 
@@ -175,4 +177,61 @@ fn a_pocket_that_was_missed_is_told_with_a_place_to_look_from() {
     assert!(missed::missed(&wall, |_| true, 0.0, &way, &walls, 1.5).is_empty());
     let all = missed::missed(&wall, |_| false, LEAST_MM2, &[], &walls, 1.5);
     assert!(all.len() == 1 && (all[0].area_mm2 / wall.mm2() - 1.0).abs() < 1e-6 && all[0].along_mm == 0.0);
+}
+
+#[test]
+fn what_was_passed_and_missed_is_painted_and_what_was_seen_is_not() {
+    let volume = volume([DVec3::new(-12.0, -12.0, -2.0), DVec3::new(12.0, 12.0, LENGTH + 2.0)], 0.5, ringed);
+    let gas = Arc::new(lumen::gas_at(volume.voxels(), DVec3::Z * 10.0, &Progress::new()).unwrap().unwrap());
+    let mut live = LiveCoverage::of(&volume, &gas, &Progress::new()).unwrap();
+    let mut paint = CoveragePaint::new(&live);
+    assert!(paint.is_of(&live));
+    // Looking back at the rear of the second ring, which ends at z = 54 mm.
+    let view = View::new(DVec3::Z * 70.0, DVec3::NEG_Z, DVec3::X, 90.0, 96, 96).unwrap();
+    let mut painted = |live: &LiveCoverage, seconds: f64| {
+        let mut frame = Frame::new(96, 96);
+        frame.buffers().0.fill([200; 3]);
+        paint.paint(live, &volume, &view, seconds, &mut frame);
+        frame
+    };
+    let pixel = |frame: &Frame, at: DVec3| {
+        let [x, y] = view.project(at).unwrap();
+        frame.pixels()[y as usize * 96 + x as usize]
+    };
+    let (rear, side) = (DVec3::new(8.5, 0.0, 54.0), DVec3::new(R, 0.0, 60.0));
+    assert!(painted(&live, 0.0).pixels().iter().all(|p| *p == [200; 3]), "nothing is missed before the flight");
+    live.catch_up(&volume, &along_z([8.0, 90.0], 2.0), 10.0);
+    let missed = painted(&live, 10.0);
+    assert_ne!(pixel(&missed, rear), [200; 3], "the rear of the ring was not seen");
+    assert_eq!(pixel(&missed, side), [200; 3], "the side was");
+    let slice = Slice {
+        centre: DVec3::Z * 48.0,
+        frame: SlicePlane::Coronal.frame().unwrap(),
+        mm_per_pixel: 0.5,
+        size: [64, 240],
+    };
+    let lines = |live: &LiveCoverage| {
+        let mut frame = Frame::new(64, 240);
+        paint_slice(live, &slice, &mut frame);
+        frame
+    };
+    let at = |frame: &Frame, place: DVec3| {
+        let [x, y] = slice.pixel(place).0;
+        frame.pixels()[y.round() as usize * 64 + x.round() as usize] != [0; 3]
+    };
+    assert!(at(&lines(&live), rear) && !at(&lines(&live), side));
+    // Seen after all, it fades.
+    let back: Vec<_> =
+        (0..10).map(|n| (DVec3::Z * (76.0 - f64::from(n)), Attitude::new(DVec3::NEG_Z, DVec3::X))).collect();
+    let mut views = along_z([8.0, 90.0], 2.0);
+    views.extend(back);
+    live.catch_up(&volume, &views, 20.0);
+    let mut shade = |seconds: f64| pixel(&painted(&live, seconds), rear)[1];
+    assert!(shade(20.0) < shade(21.5) && shade(21.5) < 200 && shade(24.0) == 200, "{}", shade(20.0));
+    assert!(!at(&lines(&live), rear));
+    // Pictures and slices without pixels, and places that are none.
+    paint.paint(&live, &volume, &view, f64::NAN, &mut Frame::default());
+    paint_slice(&live, &Slice { size: [0; 2], ..slice }, &mut Frame::default());
+    let lost = Slice { centre: DVec3::NAN, ..slice };
+    paint_slice(&live, &lost, &mut Frame::new(8, 8));
 }
