@@ -17,7 +17,7 @@ const WAYS: usize = 48;
 /// Minimum distance of such a place from the wall beyond the camera's radius, mm.
 const FREE_MM: f64 = 0.5;
 /// Triangles of a patch that are tried from each place, at most.
-const TRIED: usize = 64;
+const TRIED: usize = 32;
 
 /// A patch that was not seen.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -63,7 +63,7 @@ pub fn missed(
         along[n] = along[n - 1] + way[n].distance(way[n - 1]);
     }
     let mut found: Vec<Missed> = patches(wall, is_seen)
-        .into_iter()
+        .into_par_iter()
         .filter_map(|triangles| {
             let mm2 = |n: &u32| f64::from(wall.areas[*n as usize]);
             let area_mm2: f64 = triangles.iter().map(mm2).sum();
