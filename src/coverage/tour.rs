@@ -334,7 +334,7 @@ mod tests {
             prop_assert!((order.length_mm - best).abs() < 1e-9, "{} for {best}", order.length_mm);
             // What many stops are ordered by finds nearly the same.
             let places: Vec<usize> = (1..points.len()).collect();
-            let close = d.length(&improved(&d, &places).clone());
+            let close = d.length(&improved(&d, &places));
             prop_assert!(places.is_empty() || close <= 1.05 * best + 1e-9, "{close} for {best}");
         }
 
