@@ -2,7 +2,7 @@
 //!
 //! One search over all cells from the first place finds the least-cost paths to all others (as for the centerline: narrow places cost
 //! more, and those that a body does not fit through are closed). The longest of them is the spine. A search from each place goes as
-//! far as [`NEAR_MM`], to the places and the part of the spine near it. A way leads directly to a near place, else to the spine, along
+//! far as 45 mm, to the places and the part of the spine near it. A way leads directly to a near place, else to the spine, along
 //! it and off it again, whichever is the shortest; all of them stay in the lumen. A place far from the spine, in a side branch, is
 //! reached up and down the tree of paths from the first place. `O(m log m)` for `m` cells, and `O(k log k)` for the `k` cells near each
 //! place, in parallel.
