@@ -426,7 +426,7 @@ pub struct ReportArgs {
     /// Smaller inputs and fewer repetitions: under a minute
     #[arg(long)]
     pub quick: bool,
-    /// Scan to measure in addition to the phantom (`render`, `fields`, `candidates`)
+    /// Scan to measure in addition to the phantom (`render`, `dynamics`, `fields`, `coverage`, `candidates`)
     #[arg(long, value_name = "F")]
     pub scan: Option<PathBuf>,
     /// Truth of --scan: its polyps, as JSON (`candidates`)
@@ -582,6 +582,8 @@ pub enum ReportSubject {
     Perforation,
     /// The wall under tag.
     Cleansing,
+    /// The share of the wall that flights see.
+    Coverage,
     /// Detectors of polyps.
     Candidates,
     /// All of them.

@@ -15,12 +15,14 @@ use crate::phantom::{self, Phantom};
 use crate::progress::Progress;
 use crate::render::CameraModel;
 use crate::report::render::{Extent, Subject};
-use crate::report::{Effort, candidates, cleansing, dynamics, fields, gradients, perforation, render, scenes};
+use crate::report::{
+    Effort, candidates, cleansing, coverage, dynamics, fields, gradients, perforation, render, scenes,
+};
 use crate::space::PreparedVolume;
 use crate::volume::Volume;
 
 /// The reports, with their names.
-const ALL: [(ReportSubject, &str); 8] = [
+const ALL: [(ReportSubject, &str); 9] = [
     (ReportSubject::Render, "render"),
     (ReportSubject::Gradients, "gradients"),
     (ReportSubject::Scenes, "scenes"),
@@ -28,6 +30,7 @@ const ALL: [(ReportSubject, &str); 8] = [
     (ReportSubject::Fields, "fields"),
     (ReportSubject::Perforation, "perforation"),
     (ReportSubject::Cleansing, "cleansing"),
+    (ReportSubject::Coverage, "coverage"),
     (ReportSubject::Candidates, "candidates"),
 ];
 
@@ -76,10 +79,7 @@ fn one(
         }
         ReportSubject::Gradients => gradients::report(Effort::new(args.quick), folder, progress),
         ReportSubject::Dynamics => {
-            let scan = args.scan.as_deref().map(|s| scan(s, global, progress)).transpose()?;
-            let transfer = prepare::transfer(global)?;
-            let scan = scan.map(|(title, volume)| (title, PreparedVolume::new(Arc::new(volume), transfer)));
-            dynamics::report(Effort::new(args.quick), scan, folder, progress)
+            dynamics::report(Effort::new(args.quick), prepared(args, global, progress)?, folder, progress)
         }
         ReportSubject::Perforation => {
             let steps = args.steps.unwrap_or(if args.quick { 20_000 } else { 1_000_000 });
@@ -87,6 +87,10 @@ fn one(
         }
         ReportSubject::Cleansing => {
             cleansing::report(Effort::new(args.quick), global.seed.unwrap_or(1), folder, progress)
+        }
+        ReportSubject::Coverage => {
+            let (effort, seed) = (Effort::new(args.quick), global.seed.unwrap_or(1));
+            coverage::report(effort, seed, prepared(args, global, progress)?, folder, progress)
         }
         ReportSubject::Candidates => {
             let truth = args.truth.as_deref().map(candidates::read_truth).transpose()?;
@@ -116,6 +120,13 @@ fn scan(path: &Path, global: &Global, progress: &Progress) -> Result<(String, Vo
     let volume = prepare::load(path, global, &mut Timings::default(), progress)?;
     check_thick(&volume)?;
     Ok((title(path), volume))
+}
+
+/// The scan of the arguments with its title, prepared for rays.
+fn prepared(args: &ReportArgs, global: &Global, progress: &Progress) -> Result<Option<(String, PreparedVolume)>> {
+    let transfer = prepare::transfer(global)?;
+    let scan = args.scan.as_deref().map(|s| scan(s, global, progress)).transpose()?;
+    Ok(scan.map(|(title, volume)| (title, PreparedVolume::new(Arc::new(volume), transfer))))
 }
 
 /// Only the file's name: a path may identify a patient.

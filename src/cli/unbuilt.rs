@@ -11,8 +11,7 @@ const COMMANDS: [&str; 4] = ["unfold", "match", "dataset", "batch"];
 /// Planned options of built commands.
 const OPTIONS: [&str; 3] = ["--second", "--normals", "--truth"];
 /// Planned values of built options, and of the argument `<SUBJECT>`.
-const VALUES: [(&str, &str); 4] =
-    [("--camera", "fisheye"), ("--camera", "panorama"), ("<SUBJECT>", "coverage"), ("<SUBJECT>", "unfold")];
+const VALUES: [(&str, &str); 3] = [("--camera", "fisheye"), ("--camera", "panorama"), ("<SUBJECT>", "unfold")];
 
 /// Refuses a command that is not built yet; `place` is the command's position in the line. An input with such a name needs a path
 /// (`./unfold`) or an explicit command (`fly unfold`).
@@ -86,7 +85,7 @@ mod tests {
         for (words, what) in [
             (&["colvis", "--second", "x"][..], "--second"),
             (&["colvis", "--camera", "fisheye"], "--camera fisheye"),
-            (&["colvis", "report", "coverage", "--out", "x"], "report coverage"),
+            (&["colvis", "report", "unfold", "--out", "x"], "report unfold"),
         ] {
             assert_eq!(refused(words), Some((what.to_owned(), "is not built yet".to_owned())), "{words:?}");
         }

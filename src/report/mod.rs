@@ -4,6 +4,8 @@
 
 pub(crate) mod candidates;
 pub(crate) mod cleansing;
+pub(crate) mod coverage;
+mod dots;
 pub(crate) mod dynamics;
 pub(crate) mod fields;
 pub mod flight;

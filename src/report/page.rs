@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::dots::Dots;
 use super::plot::Plot;
 use super::table::{Table, escape};
 use crate::error::Result;
@@ -59,9 +60,21 @@ impl Page {
     /// # Errors
     /// Returns status 5 if the CSV file cannot be written, status 1 if the plot cannot be drawn.
     pub(crate) fn plot(&mut self, name: &str, plot: &Plot, caption: &str) -> Result<()> {
-        let figure = format!("<figure>\n{}\n<figcaption>{}</figcaption></figure>\n", plot.svg()?, escape(caption));
+        self.figure(name, &plot.svg()?, caption, &plot.table())
+    }
+
+    /// Adds a dot plot with a caption, and writes its numbers to `name.csv`.
+    ///
+    /// # Errors
+    /// Returns status 5 if the CSV file cannot be written, status 1 if the plot cannot be drawn.
+    pub(crate) fn dots(&mut self, name: &str, dots: &Dots, caption: &str) -> Result<()> {
+        self.figure(name, &dots.svg()?, caption, &dots.table())
+    }
+
+    fn figure(&mut self, name: &str, svg: &str, caption: &str, numbers: &Table) -> Result<()> {
+        let figure = format!("<figure>\n{svg}\n<figcaption>{}</figcaption></figure>\n", escape(caption));
         self.body.push_str(&figure);
-        self.csv(name, &plot.table())
+        self.csv(name, numbers)
     }
 
     /// Writes only `name.csv`.

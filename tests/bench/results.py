@@ -3,7 +3,7 @@
 
     cargo build --release
     python3 tests/bench/results.py [--scan SCAN] [--vtk "COMMAND"] [--fields-peer "COMMAND"] [--display "COMMAND"]
-                                   [--parts frames,window,flights,fields,render,gradients,scenes,dynamics,perforation,cleansing,candidates,
+                                   [--parts frames,window,flights,fields,render,gradients,scenes,dynamics,perforation,cleansing,coverage,candidates,
                                    faults]
                                    [--mutants FOLDER] [--quick] [--check N] [--colvis BINARY] [--keep FOLDER] [--out RESULTS.md]
 
@@ -447,6 +447,15 @@ def cleansing(b):
     return [command_block(command), findings(said), "### By method", table(*read("methods")), "### By part of the wall", table(*read("parts"))]
 
 
+def coverage(b):
+    read, said, command = b.report("coverage", *(["--scan", b.args.scan] if b.args.scan else []))
+    parts = [command_block(command), findings(said)]
+    for title, name in [("Flights", "flights"), ("What can be seen at all", "visible"), ("Where the rest lies", "reasons"),
+                        ("By part of the wall", "parts"), ("Time and memory", "cost")]:
+        parts += [f"### {title}", table(*read(name))]
+    return parts
+
+
 def candidates(b):
     read, said, command = b.report("candidates")
     parts = [command_block(command), findings(said)]
@@ -466,6 +475,7 @@ PARTS = {
     "dynamics": ("Dynamics", dynamics),
     "perforation": ("Random steps against the wall", perforation),
     "cleansing": ("The wall under tag", cleansing),
+    "coverage": ("Coverage: the share of the wall that flights see", coverage),
     "candidates": ("Candidates: polyps found against false positives", candidates),
     "faults": ("Faults that the tests notice", faults),
 }

@@ -51,7 +51,7 @@ const VALUES: [(&[&str], &str); 13] = [
         &["phantom", "--with"],
         "folds polyps fluid bridges noise pools films stool inhomogeneous pseudo lesions decoys ileum stomach lungs collapsed pelvis",
     ),
-    (&["report"], "render gradients scenes dynamics fields perforation cleansing candidates all !coverage !unfold"),
+    (&["report"], "render gradients scenes dynamics fields perforation cleansing coverage candidates all !unfold"),
 ];
 
 fn told(args: &[&str]) -> String {

@@ -245,6 +245,52 @@ fn cleansing_is_reported() {
 }
 
 #[test]
+fn coverage_is_reported() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("c");
+    let said = run(&["report", "coverage", "--quick", "--out", out.to_str().unwrap()], 0);
+    let said = String::from_utf8_lossy(&said.stdout).into_owned();
+    let html = page(&out, 1);
+    let findings: Vec<&str> = said.lines().filter(|l| !l.starts_with("see ")).collect();
+    assert!(findings.len() == 2 && findings.iter().all(|f| html.contains(*f)), "{said}");
+    let (columns, rows) = csv(&out.join("flights.csv"));
+    assert_eq!(rows.len(), 3 * 2, "guides, view angles");
+    let number = |r: &[String], name: &str| {
+        let column = columns.iter().position(|c| c == name).unwrap();
+        r[column].parse::<f64>().unwrap()
+    };
+    for r in &rows {
+        assert_eq!(r[3], "yes", "{r:?}");
+        let [one, both, back] =
+            ["one way / %", "same places, both ways / %", "flown there and back / %"].map(|c| number(r, c));
+        let [ahead, reviewed] = ["one way, reviewed / %", "there and back, reviewed / %"].map(|c| number(r, c));
+        assert!(50.0 < one && one <= both && one <= back && both <= 100.0, "{r:?}");
+        assert!(one <= ahead && back <= reviewed && ahead <= reviewed + 5.0, "{r:?}");
+        if r[1] == "path" {
+            let all = number(r, "can be seen at all / %");
+            assert!(all <= 100.0 + 1e-9 && [both, back, ahead, reviewed].iter().all(|s| *s <= all + 0.2), "{r:?}");
+        }
+    }
+    for pair in rows.chunks(2) {
+        assert!(number(&pair[0], "one way / %") < number(&pair[1], "one way / %"), "120° sees more than 90°");
+    }
+    // The reasons are the whole rest, and each criterion is the whole wall.
+    let (_, reasons) = csv(&out.join("reasons.csv"));
+    let rest: f64 = reasons.iter().map(|r| r[2].parse::<f64>().unwrap()).sum();
+    let path = rows.iter().find(|r| r[1] == "path").unwrap();
+    assert!((rest + number(path, "one way / %") - 100.0).abs() < 1e-6, "{rest}");
+    let (_, parts) = csv(&out.join("parts.csv"));
+    let faces = parts.iter().filter(|p| p[1] == "faces").map(|p| p[3].parse::<f64>().unwrap());
+    assert!((faces.sum::<f64>() - 100.0).abs() < 0.1);
+    let (_, visible) = csv(&out.join("visible.csv"));
+    let [coarse, fine] = [3, 6].map(|n| visible[0][n].parse::<f64>().unwrap());
+    assert!(90.0 < coarse && coarse <= fine, "{coarse} {fine}");
+    let (_, cost) = csv(&out.join("cost.csv"));
+    let [live, after] = [2, 3].map(|n| cost[0][n].parse::<f64>().unwrap());
+    assert!((live - after).abs() < 2.0, "{live} {after}");
+}
+
+#[test]
 fn what_no_report_can_do() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("r");

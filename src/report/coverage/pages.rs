@@ -1,0 +1,325 @@
+//! The page of the report.
+
+use std::path::Path;
+
+use super::Measured;
+use super::runs::{PATH, Run};
+use crate::components::flight::State;
+use crate::error::Result;
+use crate::report::dots::Dots;
+use crate::report::page::Page;
+use crate::report::table::{Cell, Table};
+
+/// Shares of a study of 223 patients at 90°: one way, both ways, and after patches of at least 300 mm² that were missed had been looked
+/// at (Pickhardt, Taylor and Gopal, Gastroenterology, 2006).
+const STUDY: [(f64, &str); 3] = [(0.77, "study, one way"), (0.94, "both ways"), (0.98, "after review")];
+/// What is plotted of each flight.
+const SERIES: [&str; 6] = [
+    "one way",
+    "same places, both ways",
+    "flown there and back",
+    "one way, reviewed",
+    "there and back, reviewed",
+    "can be seen at all",
+];
+
+/// Writes the report. Returns the findings, one sentence each.
+pub(super) fn write(all: &[Measured], folder: &Path) -> Result<Vec<String>> {
+    let mut page = Page::new(folder, "colvis: the share of the wall that flights see")?;
+    page.text(
+        "Coverage is the share of the wall's area that is seen. The wall is the surface of the gas that is flown, as each guide flies \
+         it: planned and potential flights take tagged fluid out of a scan, tentacles fly it as it is. A triangle is seen if it is within \
+         100 mm, in the picture, less than 85° from facing the camera, and not hidden. Flights start at the rectum.",
+    );
+    page.text(
+        "The study (Pickhardt, Gastroenterology, 2006, 223 patients, 90°) saw 77 % one way, 94 % both ways, and 98 % after missed patches \
+         of at least 300 mm² had been looked at. Its readers flew back, so its second figure compares with flights there and back. \
+         Review is simulated here: each missed patch is looked at from one place where the camera fits, twice over.",
+    );
+    let mut findings: Vec<String> = all.iter().filter_map(shares).collect();
+    findings.extend(all.iter().map(|m| {
+        let [live, after] = m.live.shares;
+        let [[without, _], [with, _]] = m.live.steps_ms;
+        format!(
+            "{}: coverage while flying ends at {:.1} %, measured afterwards it is {:.1} %. It adds {:.2} ms to a step of {without:.2} ms \
+             (medians).",
+            m.title,
+            100.0 * live,
+            100.0 * after,
+            with - without
+        )
+    }));
+    for f in &findings {
+        page.finding(f);
+    }
+    page.section("Shares");
+    page.dots("shares", &dots(all), "Dots of a flight share a line. Vertical lines are the study's values at 90°.")?;
+    page.table("flights", &flights(all))?;
+    page.section("What can be seen at all");
+    page.text(
+        "The camera looks in all directions from each place of a grid in the flown gas where its body fits with 0.5 mm to spare, whether or \
+         not it could fly there. The last column adds the places of the flights and of the review. The coarse grid is part of the fine one: \
+         what the fine one adds tells how far the share is from its limit.",
+    );
+    page.table("visible", &visible(all))?;
+    page.section("Where the rest lies");
+    for m in all {
+        let text = paragraph(m, all);
+        page.text(&text);
+        if m.is_scan {
+            findings.push(text);
+        }
+    }
+    page.table("reasons", &reasons(all))?;
+    page.text("The same wall by other criteria. A part of less than 0.05 % of the wall is left out.");
+    page.table("parts", &parts(all))?;
+    page.section("While flying, and afterwards");
+    page.text(
+        "Two flights on one path take steps in turn, one with live coverage and one without. The measure afterwards includes the \
+         extraction of the wall; its memory is the increase of the peak, where the system reports it.",
+    );
+    page.table("cost", &cost(all))?;
+    page.finish()?;
+    Ok(findings)
+}
+
+fn percent(share: f64) -> Cell {
+    Cell::Number(100.0 * share, 1)
+}
+
+/// Returns the planned flight in pictures of 90°.
+fn planned(m: &Measured) -> Option<&Run> {
+    m.runs.iter().find(|r| r.guide == PATH)
+}
+
+/// Returns a sentence about a colon's shares beside the study's.
+fn shares(m: &Measured) -> Option<String> {
+    let run = planned(m)?;
+    let [one, back, reviewed, all] =
+        [run.coverage.one_way, run.there_and_back, run.reviewed[1].share, m.visible.share].map(|s| 100.0 * s);
+    Some(format!(
+        "{}: a planned flight sees {one:.1} % of the wall one way (study: 77), {back:.1} % there and back (94) and {reviewed:.1} % after \
+         review (98), in pictures of 90°; {all:.1} % can be seen at all.",
+        m.title
+    ))
+}
+
+fn dots(all: &[Measured]) -> Dots {
+    let line = |m: &Measured, r: &Run| {
+        let seen_at_all = (r.guide == PATH).then_some(m.visible.share);
+        let [ahead, both] = [&r.reviewed[0], &r.reviewed[1]].map(|r| Some(r.share));
+        let shares = vec![
+            Some(r.coverage.one_way),
+            Some(r.coverage.both_ways),
+            Some(r.there_and_back),
+            ahead,
+            both,
+            seen_at_all,
+        ];
+        (format!("{}, {}, {:.0}°", m.title, r.guide, r.fov_degrees), shares)
+    };
+    Dots {
+        title: "The share of the wall that is seen".to_owned(),
+        x: "share of the wall's area".to_owned(),
+        series: SERIES.to_vec(),
+        lines: all.iter().flat_map(|m| m.runs.iter().map(move |r| line(m, r))).collect(),
+        references: STUDY.to_vec(),
+    }
+}
+
+fn flights(all: &[Measured]) -> Table {
+    let mut t = Table::new(&[
+        "volume",
+        "guide",
+        "view angle / degrees",
+        "arrives",
+        "length / mm",
+        "wall / cm²",
+        "one way / %",
+        "same places, both ways / %",
+        "flown there and back / %",
+        "missed patches of 300 mm² or more",
+        "their area / cm²",
+        "one way, reviewed / %",
+        "views added",
+        "there and back, reviewed / %",
+        "views added then",
+        "can be seen at all / %",
+    ]);
+    for (m, r) in all.iter().flat_map(|m| m.runs.iter().map(move |r| (m, r))) {
+        let count = |n: usize| Cell::Number(n as f64, 0);
+        t.row(vec![
+            m.title.as_str().into(),
+            r.guide.into(),
+            Cell::Number(r.fov_degrees, 0),
+            if r.state == State::Arrived { "yes" } else { "no" }.into(),
+            Cell::Number(r.length_mm, 0),
+            Cell::Number(0.01 * r.wall_mm2, 0),
+            percent(r.coverage.one_way),
+            percent(r.coverage.both_ways),
+            percent(r.there_and_back),
+            count(r.missed.0),
+            Cell::Number(0.01 * r.missed.1, 1),
+            percent(r.reviewed[0].share),
+            count(r.reviewed[0].views.len()),
+            percent(r.reviewed[1].share),
+            count(r.reviewed[1].views.len()),
+            (r.guide == PATH).then(|| percent(m.visible.share)).into(),
+        ]);
+    }
+    t
+}
+
+fn visible(all: &[Measured]) -> Table {
+    let mut t = Table::new(&[
+        "volume",
+        "coarse grid / mm",
+        "places",
+        "seen / %",
+        "fine grid / mm",
+        "places there",
+        "seen from there / %",
+        "with the flights' places / %",
+        "time / s",
+    ]);
+    for m in all {
+        let mut row: Vec<Cell> = vec![m.title.as_str().into()];
+        for g in &m.visible.grids {
+            let (step, places) = (Cell::Number(g.step_mm, 0), Cell::Number(g.places as f64, 0));
+            row.extend([step, places, Cell::Number(100.0 * g.share, 2)]);
+        }
+        row.extend([Cell::Number(100.0 * m.visible.share, 2), Cell::Number(m.visible.seconds, 1)]);
+        t.row(row);
+    }
+    t
+}
+
+fn reasons(all: &[Measured]) -> Table {
+    let mut t = Table::new(&["volume", "not seen one way", "of the wall / %"]);
+    for m in all {
+        for r in &m.rest.reasons {
+            t.row(vec![m.title.as_str().into(), r.name.into(), Cell::Number(100.0 * r.share, 2)]);
+        }
+    }
+    t
+}
+
+fn parts(all: &[Measured]) -> Table {
+    let mut t = Table::new(&[
+        "volume",
+        "criterion",
+        "part",
+        "of the wall / %",
+        "seen one way / %",
+        "same places, both ways / %",
+        "can be seen at all / %",
+        "of what was not seen one way / %",
+    ]);
+    for m in all {
+        for p in m.rest.parts.iter().filter(|p| p.share >= 5e-4) {
+            let names: [Cell; 3] = [m.title.as_str().into(), p.criterion.into(), p.name.as_str().into()];
+            let shares = [p.share, p.seen[0], p.seen[1], p.seen[2], p.of_rest].map(percent);
+            t.row(names.into_iter().chain(shares).collect());
+        }
+    }
+    t
+}
+
+fn cost(all: &[Measured]) -> Table {
+    let mut t = Table::new(&[
+        "volume",
+        "guide",
+        "live / %",
+        "afterwards / %",
+        "step without / ms",
+        "99 %",
+        "step with / ms",
+        "99 % with",
+        "live / MB",
+        "places of the flight",
+        "triangles",
+        "wall / MB",
+        "time afterwards / s",
+        "memory afterwards / MB",
+    ]);
+    for m in all {
+        let (l, c) = (&m.live, &m.cost);
+        let mb = |bytes: usize| Cell::Number(bytes as f64 / 1e6, 1);
+        let mut row: Vec<Cell> = vec![m.title.as_str().into(), l.guide.into()];
+        row.extend(l.shares.map(percent));
+        row.extend(l.steps_ms.iter().flatten().map(|&ms| Cell::Number(ms, 2)));
+        row.extend([mb(l.bytes), Cell::Number(c.places as f64, 0), Cell::Number(c.triangles as f64, 0)]);
+        row.extend([mb(c.wall_bytes), Cell::Number(c.seconds, 2), c.megabytes.map(|mb| Cell::Number(mb, 0)).into()]);
+        t.row(row);
+    }
+    t
+}
+
+/// Says where the wall lies that the planned flight did not see in pictures of 90°, from the numbers alone.
+fn paragraph(m: &Measured, all: &[Measured]) -> String {
+    let Some(run) = planned(m) else { return String::new() };
+    let one = run.coverage.one_way;
+    let r: Vec<f64> = m.rest.reasons.iter().map(|r| 100.0 * r.share).collect();
+    let [back, folds, small, never] = [0, 1, 2, 3].map(|n| r.get(n).copied().unwrap_or(0.0));
+    let girth_mm = |r: &Run| r.wall_mm2 / r.length_mm.max(1.0);
+    let mut text = format!(
+        "{}: the planned flight sees {:.1} % of {:.0} cm² in its direction. Of the other {:.1} %, {back:.1} % faces the way on: the same \
+         places see it looking back. {folds:.1} % lies behind folds and bends in patches of 300 mm² or more that a second look from \
+         another place shows, {small:.1} % in smaller patches that only places off the path see, and {never:.1} % is hidden from all \
+         places of the grid where the camera fits.",
+        m.title,
+        100.0 * one,
+        0.01 * run.wall_mm2,
+        100.0 * (1.0 - one)
+    );
+    let parts = |criterion: &str, names: &[&str]| {
+        let these = m.rest.parts.iter().filter(|p| p.criterion == criterion && names.contains(&p.name.as_str()));
+        let (share, seen, rest) =
+            these.fold((0.0, 0.0, 0.0), |a, p| (a.0 + p.share, a.1 + p.share * p.seen[0], a.2 + p.of_rest));
+        [100.0 * share, if share > 0.0 { 100.0 * seen / share } else { 0.0 }, 100.0 * rest]
+    };
+    let [along, along_seen, along_rest] = parts("faces", &["along the flight"]);
+    text += &format!(
+        " {along:.0} % of the wall faces along the flight, such as the rear of folds; {along_seen:.0} % of that is seen, and \
+         {along_rest:.0} % of the rest is there."
+    );
+    let [far, far_seen, far_rest] =
+        parts("distance to the nearest place of the flight", &["30 to 60 mm", "60 mm or more"]);
+    if far >= 1.0 {
+        text += &format!(
+            " {far:.0} % of the wall is 30 mm or more from the path: {far_seen:.0} % of it is seen, and {far_rest:.0} % of the rest is \
+             there."
+        );
+    }
+    let [narrow, _, narrow_rest] = parts("clearance at that place", &["below 6 mm"]);
+    let [fluid, fluid_seen, _] = parts("in the scan as it was", &["under tagged fluid"]);
+    text += &format!(
+        " Stretches with a clearance below 6 mm are {narrow:.0} % of the wall and {narrow_rest:.0} % of the rest."
+    );
+    if fluid >= 0.5 {
+        let dry_seen = parts("in the scan as it was", &["dry"])[1];
+        text += &format!(
+            " Wall that was under tagged fluid, {fluid:.0} % of all, is seen to {fluid_seen:.0} % and dry wall to {dry_seen:.0} %."
+        );
+    }
+    if m.is_scan && one < STUDY[0].0 {
+        let largest = [(back, "wall that faces the way on"), (folds, "wall behind folds and bends")]
+            .into_iter()
+            .chain([(small, "wall in small patches"), (never, "wall that nothing sees")])
+            .reduce(|a, b| if b.0 > a.0 { b } else { a });
+        text += &format!(
+            " The study's 77 % is the mean of its patients (63 to 92 %). Here {} has the largest part of the rest.",
+            largest.map_or("no part", |l| l.1)
+        );
+        if let Some(other) = all.iter().filter(|o| !o.is_scan).find_map(planned).filter(|o| girth_mm(run) > girth_mm(o))
+        {
+            text += &format!(
+                " There is more wall to each millimetre of the flight than in the phantom ({:.0} mm² against {:.0}): a wide lumen with \
+                 deep folds. The wider it is, the farther ahead it enters the picture, and the longer are the shadows of its folds.",
+                girth_mm(run),
+                girth_mm(other)
+            );
+        }
+    }
+    text
+}

@@ -1,0 +1,171 @@
+//! Flights, what they see of the wall, and what a second look adds.
+
+use glam::DVec3;
+
+use crate::app::{FlightApp, FlightRequest, Scan, Scene};
+use crate::components::flight::State;
+use crate::components::trail::Trail;
+use crate::coverage::missed::{self, LEAST_MM2};
+use crate::coverage::{Coverage, Missed, Sight, Wall};
+use crate::dynamics::Attitude;
+use crate::error::{Error, Result};
+use crate::fields::ClearanceFinder;
+use crate::progress::Progress;
+use crate::render::camera::Perspective;
+use crate::report::timed;
+
+/// Maximum duration of a flight, simulated seconds.
+pub(super) const SECONDS: f64 = 600.0;
+/// View angles, degrees.
+pub(super) const FOVS: [f64; 2] = [90.0, 120.0];
+/// How often missed patches are looked at.
+const ROUNDS: usize = 2;
+
+/// The guides.
+pub(super) const GUIDES: [&str; 3] = ["tentacles", "path", "potential"];
+/// The guide whose flight is also flown back, and whose rest is looked into.
+pub(super) const PATH: &str = "path";
+
+/// What a flight sees of the wall in pictures of one view angle.
+pub(super) struct Run {
+    pub guide: &'static str,
+    pub fov_degrees: f64,
+    pub state: State,
+    pub length_mm: f64,
+    pub wall_mm2: f64,
+    pub coverage: Coverage,
+    /// Share seen there and back: by this flight and by one from its goal.
+    pub there_and_back: f64,
+    /// What was missed in the direction of flight: patches of at least 300 mm² and their area, mm².
+    pub missed: (usize, f64),
+    /// After a second look at what the flight missed, and at what the flights there and back missed.
+    pub reviewed: [Review; 2],
+}
+
+/// What a second look adds.
+#[derive(Clone, Debug)]
+pub(super) struct Review {
+    /// Share of the area seen before or now.
+    pub share: f64,
+    /// The views that were added.
+    pub views: Vec<(DVec3, Attitude)>,
+    /// Whether each triangle is seen before or now.
+    pub seen: Vec<bool>,
+}
+
+/// A flight at its end, with its wall and what is seen of it at each view angle.
+pub(super) struct Flight {
+    pub app: FlightApp,
+    /// The views of a flight back.
+    pub back: Vec<(DVec3, Attitude)>,
+    pub wall: Wall,
+    pub sights: Vec<Vec<Sight>>,
+    /// Time (s) and memory (MB) of the measure at 90°, with the wall.
+    pub seconds: f64,
+    pub megabytes: Option<f64>,
+}
+
+impl Flight {
+    /// Returns the views.
+    pub(super) fn views(&self) -> &[(DVec3, Attitude)] {
+        self.app.survey().trail().map_or(&[][..], Trail::views)
+    }
+
+    /// Returns what is seen from some views.
+    fn seen(&self, views: &[(DVec3, Attitude)], camera: &Perspective) -> Vec<Sight> {
+        self.wall.seen(&self.app.setup().volume, views, camera, false)
+    }
+}
+
+/// Flies to the end.
+///
+/// # Errors
+/// Returns status 4 if there is no colon to fly or if interrupted.
+pub(super) fn fly(scan: &mut Scan, guide: &'static str, reverse: bool, progress: &Progress) -> Result<FlightApp> {
+    let mut flight = scan.flight(Scene::guided_by(guide), &FlightRequest { reverse, ..FlightRequest::default() })?;
+    while flight.flight().state == State::Flying && flight.clock().seconds() < SECONDS {
+        progress.check()?;
+        flight.step()?;
+    }
+    Ok(flight)
+}
+
+/// Flies there and back, and looks at what was seen.
+///
+/// # Errors
+/// As [`fly`].
+pub(super) fn measured(scan: &mut Scan, guide: &'static str, progress: &Progress) -> Result<Flight> {
+    let back = fly(scan, guide, true, progress)?.survey().trail().map_or_else(Vec::new, |t| t.views().to_vec());
+    let app = fly(scan, guide, false, progress)?;
+    let (covered, seconds, megabytes) = timed(|| app.survey().coverage(FOVS[0], false));
+    let Some(covered) = covered? else {
+        return Err(Error::incomplete("report coverage", "no gas was flown through", "give a scan with a colon"));
+    };
+    let mut flight = Flight { app, back, wall: covered.wall, sights: vec![covered.sights], seconds, megabytes };
+    for fov in &FOVS[1..] {
+        let sights = flight.seen(flight.views(), &Perspective::new(*fov)?);
+        flight.sights.push(sights);
+    }
+    Ok(flight)
+}
+
+/// Returns a row for each view angle.
+///
+/// # Errors
+/// Returns status 4 if interrupted.
+pub(super) fn runs(flight: &Flight, guide: &'static str, progress: &Progress) -> Result<Vec<Run>> {
+    let (wall, f) = (&flight.wall, flight.app.flight());
+    let mut runs = Vec::new();
+    for (&fov_degrees, sights) in FOVS.iter().zip(&flight.sights) {
+        progress.check()?;
+        let camera = Perspective::new(fov_degrees)?;
+        let back = flight.seen(&flight.back, &camera);
+        let ahead: Vec<bool> = sights.iter().map(|s| s.ahead > 0).collect();
+        let both: Vec<bool> = ahead.iter().zip(back).map(|(a, b)| *a || b.ahead > 0).collect();
+        let missed = missed(flight, &ahead);
+        runs.push(Run {
+            guide,
+            fov_degrees,
+            state: f.state,
+            length_mm: f.length_mm,
+            wall_mm2: wall.mm2(),
+            coverage: wall.coverage(sights),
+            there_and_back: share(wall, |n| both[n]),
+            missed: (missed.len(), missed.iter().map(|m| m.area_mm2).sum()),
+            reviewed: [review(flight, ahead, &camera), review(flight, both, &camera)],
+        });
+    }
+    Ok(runs)
+}
+
+/// Returns the share of the area that `which` is true for.
+pub(super) fn share(wall: &Wall, which: impl Fn(usize) -> bool) -> f64 {
+    wall.mm2_of(which) / wall.mm2().max(f64::MIN_POSITIVE)
+}
+
+/// Returns the patches of at least 300 mm² that were not seen.
+fn missed(flight: &Flight, seen: &[bool]) -> Vec<Missed> {
+    let setup = flight.app.setup();
+    let (iso, radius_mm) = (setup.volume.transfer().iso() as f32, setup.scene.body.radius_mm);
+    let walls = ClearanceFinder::new(setup.volume.shared_voxels(), iso, radius_mm + 1.0);
+    let way: Vec<DVec3> = flight.views().iter().map(|v| v.0).collect();
+    missed::missed(&flight.wall, |n| seen[n], LEAST_MM2, &way, &walls, radius_mm)
+}
+
+/// Looks at each patch that was missed from the place that is proposed for it, and again at what is missed after that.
+///
+/// A reader is taken to these places one by one; here the views on the way there are not counted.
+fn review(flight: &Flight, mut seen: Vec<bool>, camera: &Perspective) -> Review {
+    let (wall, mut views) = (&flight.wall, Vec::new());
+    for _ in 0..ROUNDS {
+        let looks = missed(flight, &seen).into_iter().filter_map(|m| m.look_from);
+        let looks: Vec<_> = looks.map(|l| (l.position, Attitude::new(l.forward, l.up))).collect();
+        if looks.is_empty() {
+            break;
+        }
+        let sights = flight.seen(&looks, camera);
+        seen.iter_mut().zip(sights).for_each(|(seen, s)| *seen |= s.ahead > 0);
+        views.extend(looks);
+    }
+    Review { share: share(wall, |n| seen[n]), views, seen }
+}
