@@ -9,7 +9,9 @@ use crate::error::{Error, Result};
 
 /// Width of a plot and height of a line, pixels.
 const WIDTH: i32 = 1000;
-const LINE: i32 = 26;
+const LINE: i32 = 30;
+/// Difference in height between the dots of two series, pixels.
+const STAGGER: i32 = 4;
 /// Pixels around the plotting area: left, right, top, bottom.
 const MARGIN: [i32; 4] = [330, 24, 104, 58];
 /// Distance of the axis' ticks.
@@ -93,7 +95,9 @@ impl Dots {
             put(name, (left - 12, y), 15, &BLACK, Pos::new(HPos::Right, VPos::Center))?;
             for (k, share) in shares.iter().enumerate() {
                 if let Some(s) = share.filter(|s| s.is_finite()) {
-                    let dot = Circle::new((across(s), y), 5, COLOURS[k % COLOURS.len()].filled());
+                    // Each series has its own height within the line, so that equal shares do not hide each other.
+                    let beside = STAGGER * (2 * k as i32 + 1 - self.series.len() as i32) / 2;
+                    let dot = Circle::new((across(s), y + beside), 4, COLOURS[k % COLOURS.len()].filled());
                     root.draw(&dot).map_err(text)?;
                 }
             }
