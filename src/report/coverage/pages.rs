@@ -263,10 +263,10 @@ fn paragraph(m: &Measured, all: &[Measured]) -> String {
     let [back, folds, small, never] = [0, 1, 2, 3].map(|n| r.get(n).copied().unwrap_or(0.0));
     let girth_mm = |r: &Run| r.wall_mm2 / r.length_mm.max(1.0);
     let mut text = format!(
-        "{}: the planned flight sees {:.1} % of {:.0} cm² in its direction. Of the other {:.1} %, {back:.1} % faces the way on: the same \
-         places see it looking back. {folds:.1} % lies behind folds and bends in patches of 300 mm² or more that a second look from \
-         another place shows, {small:.1} % in smaller patches that only places off the path see, and {never:.1} % is hidden from all \
-         places of the grid where the camera fits.",
+        "{}: the planned flight sees {:.1} % of {:.0} cm² in its direction and leaves {:.1} %. Shares of the whole wall: {back:.1} % is \
+         seen by the same places looking back. {folds:.1} % lies behind folds and bends in patches of 300 mm² or more that a second look \
+         from another place shows, {small:.1} % in smaller patches that only places off the path see, and {never:.1} % is hidden from all \
+         sampled places where the camera fits.",
         m.title,
         100.0 * one,
         0.01 * run.wall_mm2,
@@ -303,7 +303,7 @@ fn paragraph(m: &Measured, all: &[Measured]) -> String {
         );
     }
     if m.is_scan && one < STUDY[0].0 {
-        let largest = [(back, "wall that faces the way on"), (folds, "wall behind folds and bends")]
+        let largest = [(back, "wall that only the way back sees"), (folds, "wall behind folds and bends")]
             .into_iter()
             .chain([(small, "wall in small patches"), (never, "wall that nothing sees")])
             .reduce(|a, b| if b.0 > a.0 { b } else { a });
@@ -314,8 +314,9 @@ fn paragraph(m: &Measured, all: &[Measured]) -> String {
         if let Some(other) = all.iter().filter(|o| !o.is_scan).find_map(planned).filter(|o| girth_mm(run) > girth_mm(o))
         {
             text += &format!(
-                " There is more wall to each millimetre of the flight than in the phantom ({:.0} mm² against {:.0}): a wide lumen with \
-                 deep folds. The wider it is, the farther ahead it enters the picture, and the longer are the shadows of its folds.",
+                " There is more wall to each millimetre of the flight than in the phantom ({:.0} mm² against {:.0}), which \
+                 fits a wide lumen with deep folds: the wider it is, the farther ahead the wall enters the picture, and the longer are the \
+                 shadows of folds.",
                 girth_mm(run),
                 girth_mm(other)
             );

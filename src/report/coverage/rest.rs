@@ -25,7 +25,7 @@ pub(super) struct Reason {
 
 /// The reasons, in the order of the columns of [`Rest::reasons`].
 pub(super) const REASONS: [&str; 4] = [
-    "faces the way on: seen by the same places looking back",
+    "seen by the same places looking back",
     "behind folds: seen by a second look at missed patches of 300 mm² or more",
     "in smaller patches: seen only from places off the path",
     "not seen from any sampled place where the camera fits",
