@@ -19,7 +19,7 @@ mod timings;
 
 pub use catalog::Catalog;
 pub use fields::Fields;
-pub use flight::{CommandRecord, Covered, FlightApp, Setup, Survey, TourPlan, Views};
+pub use flight::{CommandRecord, Covered, FlightApp, ReviewRounds, Setup, Survey, TourFlown, TourPlan, Views};
 pub use images::{ImageSettings, RenderSettings};
 pub use overlay::{Canvas, Overlay};
 pub use plan::{FlightRequest, Place, Plan};

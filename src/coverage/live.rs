@@ -3,9 +3,9 @@
 //! The same question as [`Wall::seen`](super::Wall::seen), asked as the views come and of one triangle of each patch (its middle),
 //! which stands for the others: the error is that of a sample of the wall every 2 mm. Of a block of 8 mm three patches are asked first.
 //! If all are hidden, as those of another loop of the colon are, the block is asked again, by other patches, when the camera has moved
-//! by a share of its distance; so is a hidden patch of a block in sight. A view takes several steps of the flight, each with a bounded
-//! amount of work; if a newer view has come meanwhile, those in between are passed over. A patch is in sight of dozens of views, so all
-//! of this costs little: `report coverage` has it beside the whole.
+//! by a share of its distance; so is a hidden patch of a block in sight. Near blocks are asked whole. A view takes several steps of the flight, each with a bounded
+//! amount of work, and views wait for their turn; if more than a few do, the oldest are passed over. A patch is in sight of dozens of
+//! views, so all of this costs little: `report coverage` has it beside the whole.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use bevy_ecs::prelude::*;
 use glam::{DVec3, Vec3};
 
 use super::sight::{Eye, REACH, Sightline};
-use super::wall::{Block, Wall};
+use super::wall::Wall;
 use crate::dynamics::Attitude;
 use crate::error::Result;
 use crate::fields::Lumen;
@@ -27,6 +27,10 @@ const AGAIN: f32 = 0.03;
 const PROBES: usize = 3;
 /// A ray costs as much as this many tests of whether a patch is in the picture.
 const RAY: u32 = 100;
+/// A nearer block is never taken as hidden by its probes: from nearby, a patch is in sight of a few views only, mm.
+const CLOSE_MM: f32 = 25.0;
+/// Views that wait for their turn, at most: some mm of a flight.
+const WAITING: usize = 12;
 /// How far before a triangle the gas is that it belongs to, mm.
 const INTO_GAS_MM: f64 = 0.8;
 
@@ -152,12 +156,12 @@ impl LiveCoverage {
     /// Goes on with the views of a flight (world position, mm, and attitude) at a time of it, s. `work` bounds what is done, in
     /// tests of whether a patch is in the picture.
     ///
-    /// The newest view is taken whenever one is done.
+    /// The next view is taken whenever one is done, unless too many wait.
     pub fn watch(&mut self, volume: &PreparedVolume, views: &[(DVec3, Attitude)], seconds: f64, work: u32) {
         let mut left = work;
         loop {
             if self.now.is_none() {
-                self.take(views, views.len(), seconds);
+                self.take(views, (self.taken + 1).max(views.len().saturating_sub(WAITING)), seconds);
             }
             if self.now.is_none() || !self.go_on(volume, &mut left) {
                 return;
@@ -233,9 +237,11 @@ impl LiveCoverage {
                 let p =
                     patches.start + if n < PROBES { (self.taken * 7 + n * count / PROBES) % count } else { n - PROBES };
                 if n == PROBES && now.tried && !now.free {
-                    let Block { low, high, .. } = wall.blocks[b];
-                    self.block_due_mm[b] = self.odometer_mm + AGAIN * low.midpoint(high).distance(now.eye.at);
-                    break;
+                    let far = line.square_to_block(b, &now.eye).sqrt();
+                    if far > CLOSE_MM {
+                        self.block_due_mm[b] = self.odometer_mm + AGAIN * far;
+                        break;
+                    }
                 }
                 if self.seen_s[p] < f32::INFINITY || self.due_mm[p] > self.odometer_mm {
                     continue;

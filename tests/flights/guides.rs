@@ -217,6 +217,7 @@ fn a_log_is_played_at_any_rate_on_the_same_path() {
     assert!(0.5 < one && one < both && both <= 1.0);
     // So is what was watched on the way, of a sample of the wall.
     let live = stats["coverage_live"].as_f64().unwrap();
+    println!("coverage while flying {live:.4}, afterwards {one:.4}");
     assert!((live - one).abs() < 0.005, "{live} while flying, {one} afterwards");
     // The mesh tells the same: a number for each face, the last two bytes of its record.
     let ply = std::fs::read(&mesh).unwrap();

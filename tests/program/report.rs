@@ -252,7 +252,7 @@ fn coverage_is_reported() {
     let said = String::from_utf8_lossy(&said.stdout).into_owned();
     let html = page(&out, 1);
     let findings: Vec<&str> = said.lines().filter(|l| !l.starts_with("see ")).collect();
-    assert!(findings.len() == 2 && findings.iter().all(|f| html.contains(*f)), "{said}");
+    assert!(findings.len() == 3 && findings.iter().all(|f| html.contains(*f)), "{said}");
     let (columns, rows) = csv(&out.join("flights.csv"));
     assert_eq!(rows.len(), 3 * 2, "guides, view angles");
     let number = |r: &[String], name: &str| {
@@ -285,6 +285,10 @@ fn coverage_is_reported() {
     let (_, visible) = csv(&out.join("visible.csv"));
     let [coarse, fine] = [3, 6].map(|n| visible[0][n].parse::<f64>().unwrap());
     assert!(90.0 < coarse && coarse <= fine, "{coarse} {fine}");
+    let (_, tours) = csv(&out.join("tours.csv"));
+    let tour: Vec<f64> = tours[0][1..].iter().map(|n| n.parse().unwrap()).collect();
+    assert!((tour[0] - number(path, "one way / %")).abs() < 1e-6 && tour[1] > 97.0, "seen before and after: {tour:?}");
+    assert!(tour[4] == tour[3] && tour[7] <= tour[8] + 1e-6, "places reached, and the orders' lengths: {tour:?}");
     let (_, cost) = csv(&out.join("cost.csv"));
     let [live, after] = [2, 3].map(|n| cost[0][n].parse::<f64>().unwrap());
     assert!((live - after).abs() < 2.0, "{live} {after}");

@@ -4,6 +4,7 @@ mod assemble;
 mod commands;
 mod connecting;
 mod review;
+mod rounds;
 mod survey;
 #[cfg(feature = "window")]
 mod told;
@@ -38,6 +39,7 @@ use crate::systems;
 
 pub use commands::CommandRecord;
 pub use review::TourPlan;
+pub use rounds::{ReviewRounds, TourFlown};
 pub use survey::{Covered, Survey};
 #[cfg(feature = "window")]
 pub(crate) use told::{Onward, onward};

@@ -5,30 +5,20 @@ use std::path::PathBuf;
 use serde_json::{Map, Value, json};
 
 use super::flight_stats;
-use crate::app::{Covered, FlightApp};
+use crate::app::{FlightApp, ReviewRounds, TourFlown};
 use crate::cli::args::{FlyArgs, Global};
 use crate::cli::prepare::{self, say};
 use crate::components::flight::State;
-use crate::components::input::FlightCommand;
-use crate::coverage::{LiveCoverage, tour};
+use crate::components::trail::Trail;
+use crate::coverage::LiveCoverage;
 use crate::error::Result;
 use crate::output;
 use crate::render::CameraModel;
 
-/// The rounds of a review: the least area of a patch that is visited, mm². Those after the first are flown while less than
-/// [`ENOUGH`] of the wall was seen, and the round before has gained.
-const ROUNDS: [f64; 3] = [300.0, 100.0, 40.0];
-/// A share of the wall that is enough.
-const ENOUGH: f64 = 0.975;
-/// A round that shows less of the wall than this is the last.
-const LEAST_GAIN: f64 = 0.002;
 /// Looking back shows enough to be told if it shows this share of the wall more.
 const BACK_TOLD: f64 = 0.005;
 /// Maximum duration of a tour, simulated seconds.
 const TOUR_SECONDS: f64 = 3600.0;
-/// Random orders that a tour is compared with.
-const RANDOM: u64 = 1000;
-
 /// What is asked about the wall that was seen.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Covering {
@@ -43,13 +33,8 @@ pub(super) struct Covering {
 /// What was seen, and how the review goes.
 pub(super) struct Seen {
     stats: Stats,
-    covered: Option<Covered>,
-    /// Number of views before the review, and those whose coverage is known.
-    flown: usize,
-    counted: usize,
-    tours: Vec<Tour>,
-    /// Areas of the rounds to come, mm².
-    rounds: &'static [f64],
+    /// `None` if no gas was flown through.
+    rounds: Option<ReviewRounds>,
     is_over: bool,
 }
 
@@ -61,24 +46,6 @@ pub(super) struct Stats {
     pub wall: Map<String, Value>,
     /// Time for planning the tours of a review, s, and before it for the distances to the wall.
     pub took: Option<[f64; 2]>,
-}
-
-/// A tour of the review.
-#[derive(Clone, Copy, Debug, Default)]
-struct Tour {
-    stops: usize,
-    reached: usize,
-    left_out: usize,
-    /// Length as flown, and time, s.
-    length_mm: f64,
-    seconds: f64,
-    /// Over cells: the order flown, and the best of random ones.
-    order_mm: f64,
-    random_mm: f64,
-    planned_s: f64,
-    distance_s: f64,
-    /// Share of the wall that it has shown and the flight had not.
-    gain: f64,
 }
 
 impl Covering {
@@ -105,13 +72,13 @@ impl Covering {
             let first = self.first(flight)?;
             let is_over = first.is_over;
             let seen = seen.insert(first);
-            return if is_over { Ok(None) } else { self.set_out(flight, seen) };
+            return if is_over { Ok(None) } else { set_out(flight, seen) };
         };
         if seen.is_over {
             return Ok(None);
         }
-        self.end_tour(flight, seen)?;
-        self.set_out(flight, seen)
+        end_tour(flight, seen)?;
+        set_out(flight, seen)
     }
 
     /// Looks at what the flight has seen.
@@ -121,7 +88,10 @@ impl Covering {
         let both = covered.as_ref().map(|c| c.coverage);
         wall.insert("coverage".to_owned(), json!(both.map(|c| c.one_way)));
         wall.insert("coverage_both_ways".to_owned(), json!(both.map(|c| c.both_ways)));
-        if let Some(live) = flight.camera::<LiveCoverage>() {
+        if let Some(mut live) = flight.camera::<LiveCoverage>().cloned() {
+            // With the last views, which wait for their turn.
+            let views = flight.survey().trail().map_or(&[][..], Trail::views);
+            live.catch_up(&flight.setup().volume, views, flight.clock().seconds());
             wall.insert("coverage_live".to_owned(), json!(live.share()));
         }
         wall.insert("wall_mm2".to_owned(), json!(covered.as_ref().map_or(0.0, |c| c.wall.mm2())));
@@ -141,91 +111,18 @@ impl Covering {
                 output::to_stderr(format_args!("flying back alone would show {percent:.1} % of the wall more"));
             }
         }
-        let flown = views(flight);
         let is_over = !self.review || covered.is_none() || flight.flight().state == State::Operator;
         let stats = Stats { flight: flight_stats(flight), wall, took: self.review.then_some([0.0; 2]) };
-        Ok(Seen { stats, covered, flown, counted: flown, tours: Vec::new(), rounds: &ROUNDS, is_over })
-    }
-
-    /// Sets out on the next tour, if one is due.
-    fn set_out(&self, flight: &mut FlightApp, seen: &mut Seen) -> Result<Option<f64>> {
-        seen.is_over = true;
-        let Some(covered) = seen.covered.as_ref() else { return Ok(None) };
-        let gains = match &seen.tours[..] {
-            [] => true,
-            [.., last] => last.gain >= LEAST_GAIN && covered.coverage.one_way < ENOUGH,
-        };
-        if !gains {
-            return Ok(None);
-        }
-        let mut stops = Vec::new();
-        while let Some((least_mm2, later)) = seen.rounds.split_first().filter(|_| stops.is_empty()) {
-            seen.rounds = later;
-            stops = flight.survey().review_stops(covered, self.fov_degrees, seen.flown, *least_mm2)?;
-        }
-        if stops.is_empty() {
-            return Ok(None);
-        }
-        match flight.act(FlightCommand::Review(stops)) {
-            Err(e) if e.what == "review" => {
-                say(&e.to_string());
-                return Ok(None);
-            }
-            acted => acted?,
-        }
-        let Some(plan) = flight.tour() else { return Ok(None) };
-        seen.tours.push(Tour {
-            stops: plan.stops.len(),
-            left_out: plan.order.left_out.len(),
-            order_mm: plan.order.length_mm,
-            random_mm: tour::best_of_random(&plan.distances, RANDOM, 1),
-            planned_s: plan.planned_s,
-            distance_s: plan.distance_s,
-            length_mm: flight.flight().length_mm,
-            seconds: flight.clock().seconds(),
-            ..Tour::default()
-        });
-        seen.is_over = false;
-        Ok(Some(TOUR_SECONDS))
-    }
-
-    /// Looks at what a tour has shown.
-    fn end_tour(&self, flight: &mut FlightApp, seen: &mut Seen) -> Result<()> {
-        let is_complete = flight.tour().is_none();
-        let reason = flight.flight().reason;
-        flight.act(FlightCommand::EndReview)?;
-        let (Some(covered), Some(tour)) = (&mut seen.covered, seen.tours.last_mut()) else { return Ok(()) };
-        let before = covered.coverage.one_way;
-        flight.survey().cover_more(covered, self.fov_degrees, seen.counted)?;
-        seen.counted = views(flight);
-        tour.reached = flight.stops_reached();
-        tour.length_mm = flight.flight().length_mm - tour.length_mm;
-        tour.seconds = flight.clock().seconds() - tour.seconds;
-        tour.gain = covered.coverage.one_way - before;
-        let ended = match is_complete {
-            true => String::new(),
-            false if reason.is_empty() => ", cut short".to_owned(),
-            false => format!(", cut short: {reason}"),
-        };
-        output::to_stderr(format_args!(
-            "review: {} of {} stops in {:.0} mm and {:.0} s; {:.1} % of the wall seen, {:.1} % before{ended}",
-            tour.reached,
-            tour.stops,
-            tour.length_mm,
-            tour.seconds,
-            100.0 * covered.coverage.one_way,
-            100.0 * before
-        ));
-        Ok(())
+        let rounds = covered.map(|c| ReviewRounds::new(flight, c, self.fov_degrees));
+        Ok(Seen { stats, rounds, is_over })
     }
 
     /// Returns the parts of the stats, and tells the better direction of the next pass.
     pub(super) fn stats(&self, mut seen: Seen) -> Stats {
-        let Some(covered) = seen.covered.filter(|_| self.review) else { return seen.stats };
-        let tours = &seen.tours;
-        let sum = |of: fn(&Tour) -> f64| tours.iter().map(of).sum::<f64>();
-        let count = |of: fn(&Tour) -> usize| tours.iter().map(of).sum::<usize>();
-        let list = |of: fn(&Tour) -> f64| json!(tours.iter().map(of).collect::<Vec<_>>());
+        let Some(ReviewRounds { covered, tours, .. }) = seen.rounds.filter(|_| self.review) else { return seen.stats };
+        let sum = |of: fn(&TourFlown) -> f64| tours.iter().map(of).sum::<f64>();
+        let count = |of: fn(&TourFlown) -> usize| tours.iter().map(of).sum::<usize>();
+        let list = |of: fn(&TourFlown) -> f64| json!(tours.iter().map(of).collect::<Vec<_>>());
         let m = &mut seen.stats.wall;
         m.insert("coverage_after_review".to_owned(), json!(covered.coverage.one_way));
         m.insert(
@@ -247,6 +144,45 @@ impl Covering {
     }
 }
 
-fn views(flight: &FlightApp) -> usize {
-    flight.survey().trail().map_or(0, |t| t.views().len())
+/// Sets out on the next tour, if one is due. Returns the time for it, s.
+fn set_out(flight: &mut FlightApp, seen: &mut Seen) -> Result<Option<f64>> {
+    seen.is_over = true;
+    let Some(rounds) = &mut seen.rounds else { return Ok(None) };
+    match rounds.set_out(flight) {
+        Err(e) if e.what == "review" => {
+            say(&e.to_string());
+            return Ok(None);
+        }
+        due => {
+            if !due? {
+                return Ok(None);
+            }
+        }
+    }
+    seen.is_over = false;
+    Ok(Some(TOUR_SECONDS))
+}
+
+/// Looks at what a tour has shown.
+fn end_tour(flight: &mut FlightApp, seen: &mut Seen) -> Result<()> {
+    let Some(rounds) = &mut seen.rounds else { return Ok(()) };
+    let reason = flight.flight().reason;
+    rounds.end_tour(flight)?;
+    let Some(tour) = rounds.tours.last() else { return Ok(()) };
+    let ended = match tour.is_complete {
+        true => String::new(),
+        false if reason.is_empty() => ", cut short".to_owned(),
+        false => format!(", cut short: {reason}"),
+    };
+    let share = rounds.covered.coverage.one_way;
+    output::to_stderr(format_args!(
+        "review: {} of {} stops in {:.0} mm and {:.0} s; {:.1} % of the wall seen, {:.1} % before{ended}",
+        tour.reached,
+        tour.stops,
+        tour.length_mm,
+        tour.seconds,
+        100.0 * share,
+        100.0 * (share - tour.gain)
+    ));
+    Ok(())
 }

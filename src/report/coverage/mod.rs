@@ -19,7 +19,7 @@ use crate::space::{PreparedVolume, TransferFunction};
 use super::Effort;
 use live::Live;
 use rest::Rest;
-use runs::Run;
+use runs::{Run, Toured};
 use visible::Visible;
 
 /// What was measured in one colon.
@@ -27,6 +27,8 @@ struct Measured {
     title: String,
     is_scan: bool,
     runs: Vec<Run>,
+    /// The planned flight's review in pictures of 90°.
+    toured: Toured,
     visible: Visible,
     rest: Rest,
     /// Time (s) and memory (MB) of the coverage of a planned flight in pictures of 90°, with its wall, and the wall's area and bytes.
@@ -104,8 +106,9 @@ fn measure(
         triangles: flight.wall.len(),
         wall_bytes: flight.wall.bytes(),
     };
-    drop(flight);
+    progress.stage("looking again", 0);
+    let toured = runs::toured(flight, progress)?;
     progress.stage("watching while flying", 0);
     let live = live::live(&mut scan, runs::PATH, progress)?;
-    Ok(Measured { title, is_scan, runs, visible, rest, cost, live })
+    Ok(Measured { title, is_scan, runs, toured, visible, rest, cost, live })
 }

@@ -34,9 +34,22 @@ pub(super) fn write(all: &[Measured], folder: &Path) -> Result<Vec<String>> {
     page.text(
         "The study (Pickhardt, Gastroenterology, 2006, 223 patients, 90°) saw 77 % one way, 94 % both ways, and 98 % after missed patches \
          of at least 300 mm² had been looked at. Its readers flew back, so its second figure compares with flights there and back. \
-         Review is simulated here: each missed patch is looked at from one place where the camera fits, twice over.",
+         \
+         In the plot review is simulated: each missed patch is looked at from one place where the camera fits, twice over. After the \
+         planned flight at 90° it is flown, too.",
     );
     let mut findings: Vec<String> = all.iter().filter_map(shares).collect();
+    findings.extend(all.iter().map(|m| {
+        let t = &m.toured;
+        format!(
+            "{}: a review is flown past {} places in {:.0} mm and {:.0} s; {:.1} % of the wall has been seen then.",
+            m.title,
+            t.stops,
+            t.length_mm,
+            t.seconds,
+            100.0 * t.shares[1]
+        )
+    }));
     findings.extend(all.iter().map(|m| {
         let [live, after] = m.live.shares;
         let [[without, _], [with, _]] = m.live.steps_ms;
@@ -55,6 +68,12 @@ pub(super) fn write(all: &[Measured], folder: &Path) -> Result<Vec<String>> {
     page.section("Shares");
     page.dots("shares", &dots(all), "Dots of a flight share a line. Vertical lines are the study's values at 90°.")?;
     page.table("flights", &flights(all))?;
+    page.section("Reviews that were flown");
+    page.text(
+        "After the planned flight at 90°: the shortest tours past what was missed, with what is seen on the way. Orders are told by their \
+         length over the lumen's cells.",
+    );
+    page.table("tours", &tours(all))?;
     page.section("What can be seen at all");
     page.text(
         "The camera looks in all directions from each place of a grid in the flown gas where its body fits with 0.5 mm to spare, whether or \
@@ -166,6 +185,33 @@ fn flights(all: &[Measured]) -> Table {
             count(r.reviewed[1].views.len()),
             (r.guide == PATH).then(|| percent(m.visible.share)).into(),
         ]);
+    }
+    t
+}
+
+fn tours(all: &[Measured]) -> Table {
+    let mut t = Table::new(&[
+        "volume",
+        "seen before / %",
+        "seen after / %",
+        "tours",
+        "places",
+        "reached",
+        "length / mm",
+        "time / s",
+        "order / mm",
+        "best of 1,000 random orders / mm",
+        "planned in / s",
+    ]);
+    for m in all {
+        let r = &m.toured;
+        let mut row: Vec<Cell> = vec![m.title.as_str().into()];
+        row.extend(r.shares.map(percent));
+        row.extend([r.tours, r.stops, r.reached].map(|n| Cell::Number(n as f64, 0)));
+        row.extend([r.length_mm, r.seconds].map(|x| Cell::Number(x, 0)));
+        row.extend(r.orders_mm.map(|mm| Cell::Number(mm, 0)));
+        row.push(Cell::Number(r.planned_s, 2));
+        t.row(row);
     }
     t
 }

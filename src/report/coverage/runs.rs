@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::app::{FlightApp, FlightRequest, Scan, Scene};
+use crate::app::{Covered, FlightApp, FlightRequest, ReviewRounds, Scan, Scene, TourFlown};
 use crate::components::flight::State;
 use crate::components::trail::Trail;
 use crate::coverage::missed::{self, LEAST_MM2};
@@ -16,6 +16,8 @@ use crate::report::timed;
 
 /// Maximum duration of a flight, simulated seconds.
 pub(super) const SECONDS: f64 = 600.0;
+/// Maximum duration of a tour, simulated seconds.
+const TOUR_SECONDS: f64 = 3600.0;
 /// View angles, degrees.
 pub(super) const FOVS: [f64; 2] = [90.0, 120.0];
 /// How often missed patches are looked at.
@@ -75,6 +77,62 @@ impl Flight {
     fn seen(&self, views: &[(DVec3, Attitude)], camera: &Perspective) -> Vec<Sight> {
         self.wall.seen(&self.app.setup().volume, views, camera, false)
     }
+}
+
+/// A review that was flown after a flight.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Toured {
+    /// Shares seen before and after it.
+    pub shares: [f64; 2],
+    pub tours: usize,
+    pub stops: usize,
+    pub reached: usize,
+    pub length_mm: f64,
+    pub seconds: f64,
+    /// Lengths of the orders of its tours over the lumen's cells, and of the best of 1,000 random orders, mm.
+    pub orders_mm: [f64; 2],
+    /// Time for planning the tours, s.
+    pub planned_s: f64,
+}
+
+/// Flies on to what a flight has missed in pictures of 90°.
+///
+/// # Errors
+/// Returns status 4 if interrupted.
+pub(super) fn toured(flight: Flight, progress: &Progress) -> Result<Toured> {
+    let Flight { mut app, wall, sights, .. } = flight;
+    let sights = sights.into_iter().next().unwrap_or_default();
+    let coverage = wall.coverage(&sights);
+    let mut rounds = ReviewRounds::new(&app, Covered { wall, sights, coverage }, FOVS[0]);
+    loop {
+        match rounds.set_out(&mut app) {
+            Ok(true) => {}
+            // No way leads to what was missed.
+            Err(e) if e.what == "review" => break,
+            due => {
+                due?;
+                break;
+            }
+        }
+        let most = app.clock().seconds() + TOUR_SECONDS;
+        while app.tour().is_some() && app.flight().state == State::Flying && app.clock().seconds() < most {
+            progress.check()?;
+            app.step()?;
+        }
+        rounds.end_tour(&mut app)?;
+    }
+    let tours = &rounds.tours;
+    let sum = |of: fn(&TourFlown) -> f64| tours.iter().map(of).sum::<f64>();
+    Ok(Toured {
+        shares: [coverage.one_way, rounds.covered.coverage.one_way],
+        tours: tours.len(),
+        stops: tours.iter().map(|t| t.stops).sum(),
+        reached: tours.iter().map(|t| t.reached).sum(),
+        length_mm: sum(|t| t.length_mm),
+        seconds: sum(|t| t.seconds),
+        orders_mm: [sum(|t| t.order_mm), sum(|t| t.random_mm)],
+        planned_s: sum(|t| t.planned_s),
+    })
 }
 
 /// Flies to the end.

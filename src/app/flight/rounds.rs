@@ -1,0 +1,143 @@
+//! The rounds of a review: a tour past what the flight has missed, and others past smaller patches as long as they show enough.
+
+use super::{Covered, FlightApp};
+use crate::components::input::FlightCommand;
+use crate::components::trail::Trail;
+use crate::coverage::tour;
+use crate::error::Result;
+
+/// The least area of a patch that each round visits, mm². Those after the first are flown while less than [`ENOUGH`] of the wall was
+/// seen, and the round before has gained.
+const ROUNDS: [f64; 3] = [300.0, 100.0, 40.0];
+/// A share of the wall that is enough.
+const ENOUGH: f64 = 0.975;
+/// A round that shows less of the wall than this is the last.
+const LEAST_GAIN: f64 = 0.002;
+/// Random orders that a tour is compared with.
+const RANDOM: u64 = 1000;
+
+/// A flight's review, round by round.
+///
+/// ```
+/// use colvis::app::{FlightRequest, ReviewRounds, Scan, Scene};
+///
+/// let mut flight = Scan::phantom(1)?.flight(Scene::guided_by("path"), &FlightRequest::default())?;
+/// flight.fly(20.0)?;
+/// let covered = flight.survey().coverage(90.0, false)?.expect("gas was flown through");
+/// let before = covered.coverage.one_way;
+/// let mut rounds = ReviewRounds::new(&flight, covered, 90.0);
+/// if rounds.set_out(&mut flight)? {
+///     flight.fly(30.0)?; // or until `flight.tour()` is `None`
+///     rounds.end_tour(&mut flight)?;
+/// }
+/// assert!(rounds.covered.coverage.one_way > before);
+/// # Ok::<(), colvis::error::Error>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct ReviewRounds {
+    /// What was seen until the last tour that has ended.
+    pub covered: Covered,
+    /// The tours, the last of which may be under way.
+    pub tours: Vec<TourFlown>,
+    fov_degrees: f64,
+    /// Number of views before the review, and of those whose coverage is known.
+    flown: usize,
+    counted: usize,
+    /// Areas of the rounds to come, mm².
+    left: &'static [f64],
+}
+
+/// A tour of a review.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct TourFlown {
+    /// Number of its stops.
+    pub stops: usize,
+    /// Number of those that were looked at or passed.
+    pub reached: usize,
+    /// Number of places to which no way leads.
+    pub left_out: usize,
+    /// Length as flown, mm.
+    pub length_mm: f64,
+    /// Time, simulated s.
+    pub seconds: f64,
+    /// Length of its order over the lumen's cells, mm, …
+    pub order_mm: f64,
+    /// … and of the best of 1,000 random orders.
+    pub random_mm: f64,
+    /// Time for planning it, s, …
+    pub planned_s: f64,
+    /// … and before it for the distances to the wall.
+    pub distance_s: f64,
+    /// Share of the wall that it has shown and the flight had not.
+    pub gain: f64,
+    /// True if it was flown to its end.
+    pub is_complete: bool,
+}
+
+impl ReviewRounds {
+    /// Begins after a flight that has seen `covered` in square pictures of `fov_degrees`.
+    pub fn new(flight: &FlightApp, covered: Covered, fov_degrees: f64) -> Self {
+        let flown = views(flight);
+        Self { covered, tours: Vec::new(), fov_degrees, flown, counted: flown, left: &ROUNDS }
+    }
+
+    /// Sets out on the next tour. Returns false if none is due.
+    ///
+    /// # Errors
+    /// Returns status 4 if no way leads to any stop, or if interrupted.
+    pub fn set_out(&mut self, flight: &mut FlightApp) -> Result<bool> {
+        let gains = match &self.tours[..] {
+            [] => true,
+            [.., last] => last.gain >= LEAST_GAIN && self.covered.coverage.one_way < ENOUGH,
+        };
+        if !gains {
+            return Ok(false);
+        }
+        let mut stops = Vec::new();
+        while let Some((least_mm2, later)) = self.left.split_first().filter(|_| stops.is_empty()) {
+            self.left = later;
+            stops = flight.survey().review_stops(&self.covered, self.fov_degrees, self.flown, *least_mm2)?;
+        }
+        if stops.is_empty() {
+            return Ok(false);
+        }
+        flight.act(FlightCommand::Review(stops))?;
+        let Some(plan) = flight.tour() else { return Ok(false) };
+        self.tours.push(TourFlown {
+            stops: plan.stops.len(),
+            left_out: plan.order.left_out.len(),
+            order_mm: plan.order.length_mm,
+            random_mm: tour::best_of_random(&plan.distances, RANDOM, 1),
+            planned_s: plan.planned_s,
+            distance_s: plan.distance_s,
+            // Until it ends: where it began.
+            length_mm: flight.flight().length_mm,
+            seconds: flight.clock().seconds(),
+            ..TourFlown::default()
+        });
+        Ok(true)
+    }
+
+    /// Ends the tour that is under way, if it has not ended, and looks at what it has shown.
+    ///
+    /// # Errors
+    /// Returns the errors of [`FlightApp::act`].
+    pub fn end_tour(&mut self, flight: &mut FlightApp) -> Result<()> {
+        let is_complete = flight.tour().is_none();
+        flight.act(FlightCommand::EndReview)?;
+        let Some(tour) = self.tours.last_mut() else { return Ok(()) };
+        let before = self.covered.coverage.one_way;
+        flight.survey().cover_more(&mut self.covered, self.fov_degrees, self.counted)?;
+        self.counted = views(flight);
+        tour.reached = flight.stops_reached();
+        tour.length_mm = flight.flight().length_mm - tour.length_mm;
+        tour.seconds = flight.clock().seconds() - tour.seconds;
+        tour.gain = self.covered.coverage.one_way - before;
+        tour.is_complete = is_complete;
+        Ok(())
+    }
+}
+
+fn views(flight: &FlightApp) -> usize {
+    flight.survey().trail().map_or(0, |t: &Trail| t.views().len())
+}
