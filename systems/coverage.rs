@@ -3,6 +3,7 @@
 use bevy_ecs::prelude::*;
 
 use crate::components::clock::Clock;
+use crate::components::flight::{Flight, State};
 use crate::components::output::Picture;
 use crate::components::scan::Scan;
 use crate::components::slices::SliceView;
@@ -62,9 +63,10 @@ pub fn paint_unseen(
 pub fn watch_wall(
     clock: Res<Clock>,
     scan: Single<&Scan, With<Main>>,
-    camera: Single<(&Trail, &mut LiveCoverage, Option<&Picture>), With<Main>>,
+    camera: Single<(&Trail, &mut LiveCoverage, Option<&Picture>, Option<&Flight>), With<Main>>,
 ) {
-    let (trail, mut coverage, picture) = camera.into_inner();
+    let (trail, mut coverage, picture, flight) = camera.into_inner();
+    coverage.set_over(flight.is_some_and(|f| f.state == State::Arrived));
     if let Some(picture) = picture {
         coverage.set_fov(picture.fov_degrees);
     }
@@ -116,7 +118,9 @@ mod tests {
         let truth = live.wall().coverage(&sights).one_way;
         assert!(before > 0.5 && share(&test) > before + 0.05, "{before} and then {}", share(&test));
         assert!((share(&test) - truth).abs() < 0.005, "{} while flying, {truth} afterwards", share(&test));
-        let missed = live.seen().iter().filter(|seen| !**seen).count() as f64 / live.wall().len() as f64;
+        let mut over = live.clone();
+        over.set_over(true);
+        let missed = over.missed().iter().filter(|missed| **missed).count() as f64 / live.wall().len() as f64;
         assert!((missed - (1.0 - truth)).abs() < 0.02, "{missed} of the triangles");
     }
 
@@ -142,6 +146,6 @@ mod tests {
         let nothing = Arc::new(crate::fields::Lumen::none(volume.voxels().grid()));
         let mut empty = LiveCoverage::of(&volume, &nothing, &Progress::new()).unwrap();
         empty.watch(&volume, &[(room.centre(), look)], 0.0, 1000);
-        assert!(empty.share() == 0.0 && empty.seen().is_empty());
+        assert!(empty.share() == 0.0 && empty.missed().is_empty());
     }
 }

@@ -11,12 +11,14 @@ use std::sync::Arc;
 
 use bevy_ecs::prelude::*;
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 
 use super::sight::{Eye, REACH, Sightline};
 use super::wall::Wall;
 use crate::dynamics::Attitude;
 use crate::error::Result;
 use crate::fields::Lumen;
+use crate::fields::lumen::Along;
 use crate::progress::Progress;
 use crate::render::camera::Perspective;
 use crate::space::PreparedVolume;
@@ -34,9 +36,12 @@ const WAITING: usize = 12;
 /// How far before a triangle the gas is that it belongs to, mm.
 const INTO_GAS_MM: f64 = 0.8;
 
-/// A block counts as passed, and what was not seen of it as missed, when the camera has come this near and has flown on so far, mm.
-const NEAR_MM: f32 = 30.0;
+/// A place along the colon counts as passed, and what was not seen of its wall as missed, when the camera has come this near along the
+/// colon and has flown on so far, mm.
+const NEAR_MM: f64 = 40.0;
 const PASSED_MM: f32 = 60.0;
+/// Places along the colon are told apart by this length, mm.
+const STRETCH_MM: f64 = 5.0;
 /// How long what was missed stays painted when it was seen after all, s.
 const FADES_S: f32 = 3.0;
 
@@ -59,8 +64,16 @@ pub struct LiveCoverage {
     due_mm: Vec<f32>,
     /// The same for each block.
     block_due_mm: Vec<f32>,
-    /// The odometer's reading when the camera first came near each block, mm; infinite until then.
+    /// The coarse map of the ways through the gas: wall of another loop may be nearer than wall at the camera's place.
+    along: Arc<Along>,
+    /// The stretch of the colon that each block belongs to.
+    stretches: Vec<u32>,
+    /// The first stretch of each segment.
+    first_stretch: Vec<u32>,
+    /// The odometer's reading when the camera first came near each stretch, mm; infinite until then.
     near_mm: Vec<f32>,
+    /// True once the flight is over: what was not seen until then is missed.
+    is_over: bool,
     /// The number of patches of each block that were not seen.
     left: Vec<u32>,
     /// What belongs to each segment.
@@ -103,11 +116,12 @@ impl LiveCoverage {
     pub fn of(volume: &PreparedVolume, gas: &Arc<Lumen>, progress: &Progress) -> Result<Self> {
         let all: Vec<usize> = (0..gas.segments.len()).collect();
         let wall = Wall::of(volume.voxels(), gas, &all, volume.transfer().iso(), progress)?;
-        Self::new(Arc::new(wall), Arc::clone(gas))
+        let along = Along::new(gas, progress)?;
+        Self::new(Arc::new(wall), Arc::clone(gas), along)
     }
 
     /// Begins with nothing seen of a wall of some gas.
-    fn new(wall: Arc<Wall>, gas: Arc<Lumen>) -> Result<Self> {
+    fn new(wall: Arc<Wall>, gas: Arc<Lumen>, along: Along) -> Result<Self> {
         let patches = wall.patch_count();
         let middle = |p: usize| wall.patches[p].middle as usize;
         let middles = (0..patches).map(|p| [wall.centroids[middle(p)], wall.normals[middle(p)]]).collect();
@@ -124,6 +138,8 @@ impl LiveCoverage {
         let mut shares = vec![Share::default(); segments.iter().max().map_or(0, |&s| usize::from(s) + 1)];
         segments.iter().zip(&mm2).for_each(|(&s, &mm2)| shares[usize::from(s)].mm2 += f64::from(mm2));
         let left = (0..wall.block_count()).map(|b| wall.patches_of(b).len() as u32).collect();
+        let (stretches, first_stretch) = stretches(&wall, &gas, &along);
+        let stretch_count = first_stretch.last().map_or(0, |&n| n as usize);
         Ok(Self {
             camera: Perspective::new(90.0)?,
             fov_degrees: 90.0,
@@ -133,7 +149,11 @@ impl LiveCoverage {
             seen_s: vec![f32::INFINITY; patches],
             due_mm: vec![0.0; patches],
             block_due_mm: vec![0.0; wall.block_count()],
-            near_mm: vec![f32::INFINITY; wall.block_count()],
+            along: Arc::new(along),
+            stretches,
+            first_stretch,
+            near_mm: vec![f32::INFINITY; stretch_count],
+            is_over: false,
             left,
             shares,
             taken: 0,
@@ -193,6 +213,7 @@ impl LiveCoverage {
         if let Some(share) = self.gas.segment_at(views[end - 1].0).and_then(|s| self.shares.get_mut(s)) {
             share.visited = true;
         }
+        self.come_near(views[end - 1].0);
         let eye = Eye::new(&views[end - 1], self.wall.origin);
         self.now = eye.map(|eye| Looking {
             eye,
@@ -203,6 +224,18 @@ impl LiveCoverage {
             free: false,
             blocked: f64::INFINITY,
         });
+    }
+
+    /// Notes that the camera has come near a place along the colon (world, mm).
+    fn come_near(&mut self, place: DVec3) {
+        let Some((segment, mm)) = self.along.of(place).filter(|_| place.is_finite()) else { return };
+        let Some(&[first, end]) = self.first_stretch.get(segment..segment + 2) else { return };
+        let stretch = |mm: f64| first + ((mm.max(0.0) / STRETCH_MM) as u32).min(end - first);
+        let near = stretch(mm - NEAR_MM)..(stretch(mm + NEAR_MM) + 1).min(end);
+        for n in near {
+            let reading = &mut self.near_mm[n as usize];
+            *reading = reading.min(self.odometer_mm);
+        }
     }
 
     /// Goes on with the view that is under way. Returns true if it is done, and false if the work is over before.
@@ -216,9 +249,6 @@ impl LiveCoverage {
                 *work = work.saturating_sub(1);
                 let is_over = self.left[b] == 0 || self.block_due_mm[b] > self.odometer_mm;
                 let squared = if is_over { f32::INFINITY } else { line.square_to_block(b, &now.eye) };
-                if squared < NEAR_MM * NEAR_MM {
-                    self.near_mm[b] = self.near_mm[b].min(self.odometer_mm);
-                }
                 if squared > REACH * REACH || !line.may_see_block(b, &now.eye, true) {
                     now.block += 1;
                     continue;
@@ -293,15 +323,21 @@ impl LiveCoverage {
         &self.wall
     }
 
-    /// Returns, for each triangle of the wall, whether it counts as seen: those of segments that were not visited do.
-    pub fn seen(&self) -> Vec<bool> {
-        let mut seen = vec![true; self.wall.len()];
-        for p in 0..self.wall.patch_count() {
-            if self.is_missing(p) {
-                seen[self.wall.triangles_of(p)].fill(false);
+    /// Tells whether the flight is over: then nothing of the wall is still to come.
+    pub fn set_over(&mut self, is_over: bool) {
+        self.is_over = is_over;
+    }
+
+    /// Returns, for each triangle of the wall, whether it was missed: it was not seen, and the flight has passed it. None is missed in
+    /// segments that were not visited.
+    pub fn missed(&self) -> Vec<bool> {
+        let mut missed = vec![false; self.wall.len()];
+        for b in (0..self.wall.block_count()).filter(|&b| self.is_passed(b)) {
+            for p in self.wall.patches_of(b).filter(|&p| self.is_missing(p)) {
+                missed[self.wall.triangles_of(p)].fill(true);
             }
         }
-        seen
+        missed
     }
 
     /// Returns the share of the area of some triangles that was seen, 0 to 1.
@@ -327,7 +363,7 @@ impl LiveCoverage {
 
     /// True if the flight has gone on so far since it came near a block that what it has not seen of it is missed.
     fn is_passed(&self, block: usize) -> bool {
-        self.odometer_mm - self.near_mm[block] > PASSED_MM
+        self.is_over || self.odometer_mm - self.near_mm[self.stretches[block] as usize] > PASSED_MM
     }
 
     /// Returns how much a patch of a block is painted over a picture at a time of the flight, s: 1 once the flight has passed it and has
@@ -347,5 +383,35 @@ impl LiveCoverage {
             + size_of_val(self.segments.as_slice())
             + 2 * size_of_val(self.seen_s.as_slice())
             + size_of_val(self.left.as_slice())
+            + size_of_val(self.block_due_mm.as_slice())
+            + size_of_val(self.stretches.as_slice())
+            + self.along.bytes()
     }
+}
+
+/// Returns the stretch of the colon that each block belongs to, and the first one of each segment.
+fn stretches(wall: &Wall, gas: &Lumen, along: &Along) -> (Vec<u32>, Vec<u32>) {
+    let place = |b: usize| {
+        let n = wall.patches[wall.blocks[b].first as usize].middle as usize;
+        along.of(wall.centroid(n) + wall.normal(n) * INTO_GAS_MM)
+    };
+    let places: Vec<Option<(usize, f64)>> = (0..wall.block_count()).into_par_iter().map(place).collect();
+    let mut count = vec![1u32; gas.segments.len()];
+    for &(segment, mm) in places.iter().flatten() {
+        count[segment] = count[segment].max((mm / STRETCH_MM) as u32 + 1);
+    }
+    let mut first = vec![0; count.len() + 1];
+    for n in 0..count.len() {
+        first[n + 1] = first[n] + count[n];
+    }
+    // A block before gas that is too thin for the map belongs to the one before it.
+    let mut last = 0;
+    let stretches = places
+        .into_iter()
+        .map(|at| {
+            last = at.map_or(last, |(segment, mm)| first[segment] + (mm / STRETCH_MM) as u32);
+            last
+        })
+        .collect();
+    (stretches, first)
 }

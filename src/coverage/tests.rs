@@ -220,6 +220,15 @@ fn what_was_passed_and_missed_is_painted_and_what_was_seen_is_not() {
         frame.pixels()[y.round() as usize * 64 + x.round() as usize] != [0; 3]
     };
     assert!(at(&lines(&live), rear) && !at(&lines(&live), side));
+    // The wall still ahead is not missed, until the flight is over.
+    let last = |live: &LiveCoverage| {
+        let missed = live.missed();
+        (0..missed.len()).filter(|&n| missed[n]).map(|n| live.wall().centroid(n).z).fold(0.0, f64::max)
+    };
+    assert!((54.0..74.0).contains(&last(&live)), "{}", last(&live));
+    live.set_over(true);
+    assert!(last(&live) > 76.0, "{}", last(&live));
+    live.set_over(false);
     // Seen after all, it fades.
     let back: Vec<_> =
         (0..10).map(|n| (DVec3::Z * (76.0 - f64::from(n)), Attitude::new(DVec3::NEG_Z, DVec3::X))).collect();

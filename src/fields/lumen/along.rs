@@ -58,6 +58,11 @@ impl Along {
         let nearest = self.nodes.iter().reduce(|a, b| if square(b) < square(a) { b } else { a })?;
         (square(nearest) <= NEAR_MM * NEAR_MM).then_some((nearest.1, nearest.2))
     }
+
+    /// Returns the size in memory, bytes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.nodes.as_slice())
+    }
 }
 
 #[cfg(test)]

@@ -276,8 +276,8 @@ fn list(coverage: &LiveCoverage, flight: &FlightApp, wake: &WakeUp) -> Result<Jo
     let voxels = setup.volume.shared_voxels();
     let work = move |_: &Arc<Progress>| {
         let walls = ClearanceFinder::new(voxels, iso, radius + 1.0);
-        let seen = coverage.seen();
-        let mut found = missed::missed(coverage.wall(), |n| seen[n], missed::LEAST_MM2, &way, &walls, radius);
+        let is_missed = coverage.missed();
+        let mut found = missed::missed(coverage.wall(), |n| !is_missed[n], missed::LEAST_MM2, &way, &walls, radius);
         found.sort_by(|a, b| a.along_mm.total_cmp(&b.along_mm));
         Ok(found)
     };
