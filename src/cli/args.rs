@@ -161,6 +161,9 @@ pub struct FlyArgs {
     /// After the flight, fly the shortest tour past what was missed (headless), and add what was seen then to the stats
     #[arg(long)]
     pub review: bool,
+    /// Answers to candidates, as the page of candidates or a window saves them: the review visits those that are unsure, too
+    #[arg(long, value_name = "A.json", requires = "review")]
+    pub answers: Option<PathBuf>,
     /// Write the wall as a mesh with the number of places from which each face was seen
     #[arg(long, value_name = "F.ply")]
     pub coverage_mesh: Option<PathBuf>,

@@ -7,6 +7,7 @@ use super::sight::{FLATTEST_DEGREES, REACH_MM};
 use super::wall::Wall;
 use crate::dynamics::Attitude;
 use crate::fields::{ClearanceFinder, Clearances};
+use crate::space::PreparedVolume;
 
 /// Minimum area of a patch that is told, mm²: a study of 223 patients counts patches from this area on.
 pub const LEAST_MM2: f64 = 300.0;
@@ -16,6 +17,8 @@ const AWAY_MM: [f64; 6] = [6.0, 9.0, 13.0, 18.0, 24.0, 32.0];
 const WAYS: usize = 48;
 /// Minimum distance of such a place from the wall beyond the camera's radius, mm.
 const FREE_MM: f64 = 0.5;
+/// Wall nearer to a place than this is looked at to see the place, mm.
+const ABOUT_MM: f64 = 5.0;
 /// Triangles of a patch that are tried from each place, at most.
 const TRIED: usize = 32;
 
@@ -49,15 +52,16 @@ pub struct LookFrom {
 }
 
 /// Returns the patches of at least `least_mm2` for whose triangles `is_seen` is false, the largest first. Triangles that share an edge
-/// belong to one patch. `way` is the flight (world mm), and the camera has a radius of `radius_mm`.
+/// belong to one patch. `way` is the flight (world mm) in `volume`, and the camera has a radius of `radius_mm`.
 pub fn missed(
     wall: &Wall,
     is_seen: impl Fn(usize) -> bool,
     least_mm2: f64,
     way: &[DVec3],
-    walls: &ClearanceFinder,
+    volume: &PreparedVolume,
     radius_mm: f64,
 ) -> Vec<Missed> {
+    let walls = &finder(volume, radius_mm);
     let mut along = vec![0.0; way.len()];
     for n in 1..way.len() {
         along[n] = along[n - 1] + way[n].distance(way[n - 1]);
@@ -85,6 +89,24 @@ pub fn missed(
         .collect();
     found.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
     found
+}
+
+/// Returns where some places on or near a wall (world mm) are seen from by a camera of `radius_mm` that fits there; `None` for a place
+/// too far from the wall, or too narrow.
+pub fn look_at(wall: &Wall, places: &[DVec3], volume: &PreparedVolume, radius_mm: f64) -> Vec<Option<LookFrom>> {
+    let walls = finder(volume, radius_mm);
+    let look = |&place: &DVec3| {
+        let about = |n: &u32| wall.centroid(*n as usize).distance_squared(place) <= ABOUT_MM * ABOUT_MM;
+        let triangles: Vec<u32> = (0..wall.len() as u32).filter(about).collect();
+        let mm2 = |n: u32| f64::from(wall.areas[n as usize]);
+        let normal = triangles.iter().map(|&n| wall.normal(n as usize) * mm2(n)).sum::<DVec3>().normalize_or_zero();
+        if triangles.is_empty() { None } else { look_from(wall, &triangles, place, normal, &walls, radius_mm) }
+    };
+    places.par_iter().map(look).collect()
+}
+
+fn finder(volume: &PreparedVolume, radius_mm: f64) -> ClearanceFinder {
+    ClearanceFinder::new(volume.shared_voxels(), volume.transfer().iso() as f32, radius_mm + 2.0 * FREE_MM)
 }
 
 /// Returns the connected patches of triangles that were not seen, each in ascending order.

@@ -16,7 +16,7 @@ pub mod tour;
 mod wall;
 
 pub use live::LiveCoverage;
-pub use missed::Missed;
+pub use missed::{LookFrom, Missed};
 pub use paint::{CoveragePaint, paint_slice};
 pub use sight::{Coverage, FLATTEST_DEGREES, REACH_MM, Sight};
 pub use wall::Wall;

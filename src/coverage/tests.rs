@@ -13,7 +13,7 @@ use crate::progress::Progress;
 use crate::render::camera::Perspective;
 use crate::render::slice::{Slice, SlicePlane};
 use crate::render::{Frame, View};
-use crate::space::{PreparedVolume, TransferFunction};
+use crate::space::{PreparedVolume, TransferFunction, first_crossing};
 use crate::volume::{Grid, Volume};
 
 /// A volume whose wall at −650 HU is where a signed distance (mm, negative in the gas) is 0, on a grid of `h` mm.
@@ -107,7 +107,7 @@ fn counting_and_looking_for_one_agree_and_threads_change_nothing() {
             let place = [a.right(), a.up, a.forward].map(|axis| to.dot(axis));
             let inside = place[2] > 0.0 && place[0].abs() <= place[2] && place[1].abs() <= place[2];
             let facing = -to.dot(wall.normal(n)) > 85f64.to_radians().cos() * to.length();
-            let free = crate::space::first_crossing(&volume, *at, to, to.length() - 0.4).is_none();
+            let free = first_crossing(&volume, *at, to, to.length() - 0.4).is_none();
             to.length() <= 100.0 && inside && facing && free
         };
         views.iter().filter(sees).count()
@@ -150,7 +150,7 @@ fn a_pocket_that_was_missed_is_told_with_a_place_to_look_from() {
     let way: Vec<DVec3> = views.iter().map(|v| v.0).collect();
     let (sights, coverage) = seen(&wall, &volume, &views, false);
     let walls = ClearanceFinder::new(volume.shared_voxels(), volume.transfer().iso() as f32, 3.0);
-    let missed = missed::missed(&wall, |n| sights[n].ahead > 0, LEAST_MM2, &way, &walls, 1.5);
+    let missed = missed::missed(&wall, |n| sights[n].ahead > 0, LEAST_MM2, &way, &volume, 1.5);
     let place = |p: DVec3| p.x > R;
     let pocket = missed.iter().find(|m| place(m.position)).expect("the pocket's rear is not seen");
     assert!(missed.is_sorted_by(|a, b| a.area_mm2 >= b.area_mm2) && missed.iter().all(|m| m.area_mm2 >= LEAST_MM2));
@@ -163,6 +163,13 @@ fn a_pocket_that_was_missed_is_told_with_a_place_to_look_from() {
     assert!(
         walls.at(from.position).mm >= 2.0 && from.forward.is_normalized() && from.up.dot(from.forward).abs() < 1e-9
     );
+    // A place on the pocket's wall is looked at, too, and one that is nowhere is not.
+    let looks = missed::look_at(&wall, &[pocket.position, DVec3::splat(500.0), DVec3::NAN], &volume, 1.5);
+    let look = looks[0].unwrap();
+    let to = pocket.position - look.position;
+    assert!(to.normalize().dot(look.forward) > 0.999 && walls.at(look.position).mm >= 2.0);
+    assert!(first_crossing(&volume, look.position, to, to.length() - 0.6).is_none(), "nothing is between");
+    assert_eq!(looks[1..], [None; 2]);
     let mut more = views;
     more.push((from.position, Attitude::new(from.forward, from.up)));
     let (again, after) = seen(&wall, &volume, &more, false);
@@ -174,8 +181,8 @@ fn a_pocket_that_was_missed_is_told_with_a_place_to_look_from() {
         .sum();
     assert!(left < 0.6 * pocket.area_mm2 && after.one_way > coverage.one_way, "{left} of {} mm² left", pocket.area_mm2);
     // Everything seen: nothing is missed; nothing seen: all of the wall is one patch.
-    assert!(missed::missed(&wall, |_| true, 0.0, &way, &walls, 1.5).is_empty());
-    let all = missed::missed(&wall, |_| false, LEAST_MM2, &[], &walls, 1.5);
+    assert!(missed::missed(&wall, |_| true, 0.0, &way, &volume, 1.5).is_empty());
+    let all = missed::missed(&wall, |_| false, LEAST_MM2, &[], &volume, 1.5);
     assert!(all.len() == 1 && (all[0].area_mm2 / wall.mm2() - 1.0).abs() < 1e-6 && all[0].along_mm == 0.0);
 }
 

@@ -2,6 +2,9 @@
 
 use std::path::Path;
 
+use colvis::components::output::LogLine;
+use glam::DVec3;
+
 use crate::support::logs::read_log;
 use crate::support::program::colvis;
 use crate::support::run::run;
@@ -42,4 +45,44 @@ fn a_review_shows_what_was_missed_and_is_the_same_on_one_thread_and_two() {
     });
     assert!(reviews[0] == reviews[1]);
     run(&["fly", "--headless", "--play", "x.jsonl", "--review"], 2);
+}
+
+#[test]
+fn a_review_looks_at_the_candidates_that_a_reader_is_unsure_of() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let mut place = DVec3::ZERO;
+    let mut all = [0.0; 2];
+    for (n, told) in all.iter_mut().enumerate() {
+        let answer = |at: DVec3, answer: &str, rank: u32| serde_json::json!({"rank": rank, "position": at.to_array(), "answer": answer, "note": ""});
+        let answers = [answer(place, "unsure", 1), answer(DVec3::splat(900.0), "unsure", 2), answer(place, "no", 3)];
+        let file = serde_json::json!({"colvis": "answers", "scan": "", "answers": answers});
+        std::fs::write(at("a.json"), file.to_string()).unwrap();
+        let out = colvis()
+            .args(["fly", "--headless", "--guide", "path", "--review", "--answers", &at("a.json")])
+            .args(["--log", &at("f.jsonl"), "--stats", &at("s.json")])
+            .output()
+            .unwrap();
+        let text = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert!(out.status.success(), "{text}");
+        let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(at("s.json")).unwrap()).unwrap();
+        assert_eq!(stats["review"]["unsure"], 2);
+        *told = stats["review"]["stops"].as_f64().unwrap();
+        if n == 0 {
+            // Neither is on the wall, but what was missed is.
+            assert!(text.contains("2 of 2 unsure candidates"), "{text}");
+            place = serde_json::from_value(stats["missed"][0]["position"].clone()).unwrap();
+        } else {
+            assert!(text.contains("1 of 2 unsure candidates"), "{text}");
+            let log = read_log(Path::new(&at("f.jsonl")));
+            let looks = |l: &&LogLine| {
+                let to = place - DVec3::from_array(l.position);
+                to.length() < 40.0 && to.normalize().dot(DVec3::from_array(l.forward)) > 0.99
+            };
+            assert!(log.iter().any(|l| looks(&l)), "the camera looks at it");
+        }
+    }
+    assert!(all[1] > all[0], "{all:?}");
+    run(&["fly", "--headless", "--answers", "a.json"], 2);
+    run(&["fly", "--headless", "--review", "--answers", &at("none.json")], 3);
 }

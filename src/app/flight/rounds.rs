@@ -1,7 +1,10 @@
 //! The rounds of a review: a tour past what the flight has missed, and others past smaller patches as long as they show enough.
 
+use glam::DVec3;
+
 use super::{Covered, FlightApp};
 use crate::components::input::FlightCommand;
+use crate::components::review::ReviewStop;
 use crate::components::trail::Trail;
 use crate::coverage::tour;
 use crate::error::Result;
@@ -45,6 +48,8 @@ pub struct ReviewRounds {
     counted: usize,
     /// Areas of the rounds to come, mm².
     left: &'static [f64],
+    /// Stops that the next round visits besides.
+    also: Vec<ReviewStop>,
 }
 
 /// A tour of a review.
@@ -78,7 +83,16 @@ impl ReviewRounds {
     /// Begins after a flight that has seen `covered` in square pictures of `fov_degrees`.
     pub fn new(flight: &FlightApp, covered: Covered, fov_degrees: f64) -> Self {
         let flown = views(flight);
-        Self { covered, tours: Vec::new(), fov_degrees, flown, counted: flown, left: &ROUNDS }
+        Self { covered, tours: Vec::new(), fov_degrees, flown, counted: flown, left: &ROUNDS, also: Vec::new() }
+    }
+
+    /// Visits other places (world mm), too, on the next tour, such as those of candidates that a reader is unsure of. Returns the
+    /// number of those that cannot be looked at: see [`Survey::stops_to_see`](super::Survey::stops_to_see).
+    pub fn visit(&mut self, flight: &FlightApp, places: &[DVec3]) -> usize {
+        let stops = flight.survey().stops_to_see(&self.covered, places);
+        let before = self.also.len();
+        self.also.extend(stops.into_iter().flatten());
+        places.len() - (self.also.len() - before)
     }
 
     /// Sets out on the next tour. Returns false if none is due.
@@ -93,10 +107,11 @@ impl ReviewRounds {
         if !gains {
             return Ok(false);
         }
-        let mut stops = Vec::new();
-        while let Some((least_mm2, later)) = self.left.split_first().filter(|_| stops.is_empty()) {
+        let mut stops = std::mem::take(&mut self.also);
+        let visits = stops.len();
+        while let Some((least_mm2, later)) = self.left.split_first().filter(|_| stops.len() == visits) {
             self.left = later;
-            stops = flight.survey().review_stops(&self.covered, self.fov_degrees, self.flown, *least_mm2)?;
+            stops.extend(flight.survey().review_stops(&self.covered, self.fov_degrees, self.flown, *least_mm2)?);
         }
         if stops.is_empty() {
             return Ok(false);

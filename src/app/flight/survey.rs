@@ -9,10 +9,10 @@ use crate::components::flight::Flown;
 use crate::components::play::Playback;
 use crate::components::review::ReviewStop;
 use crate::components::trail::Trail;
-use crate::coverage::{Coverage, LiveCoverage, Missed, Sight, Wall, missed, part};
+use crate::coverage::{Coverage, LiveCoverage, LookFrom, Missed, Sight, Wall, missed, part};
 use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
-use crate::fields::{ClearanceFinder, lumen};
+use crate::fields::lumen;
 use crate::render::camera::Perspective;
 
 /// A review flies back over the whole way if that shows at least this share of the wall.
@@ -130,6 +130,15 @@ impl<'a> Survey<'a> {
         Ok(stops)
     }
 
+    /// Returns for each place (world mm) on the wall, such as that of a candidate, a stop that looks at it; `None` if it is not on the
+    /// wall that was flown along, or if the camera fits nowhere before it.
+    pub fn stops_to_see(self, covered: &Covered, places: &[DVec3]) -> Vec<Option<ReviewStop>> {
+        let setup = &self.flight.setup;
+        let looks = missed::look_at(&covered.wall, places, &setup.volume, setup.scene.body.radius_mm);
+        let stop = |(look, &place): (Option<LookFrom>, &DVec3)| Some(ReviewStop::new(look?.position, Some(place)));
+        looks.into_iter().zip(places).map(stop).collect()
+    }
+
     /// Returns the wall of the gas flown through; `None` if that gas is not known.
     fn wall(self) -> Result<Option<Wall>> {
         let views = self.trail().map_or(&[][..], Trail::views);
@@ -167,10 +176,7 @@ impl<'a> Survey<'a> {
     fn missed_by(self, covered: &Covered, is_seen: impl Fn(usize) -> bool, least_mm2: f64) -> Vec<Missed> {
         let way: Vec<DVec3> = self.trail().map_or(&[][..], Trail::views).iter().map(|v| v.0).collect();
         let setup = &self.flight.setup;
-        let radius_mm = setup.scene.body.radius_mm;
-        let iso = setup.volume.transfer().iso() as f32;
-        let walls = ClearanceFinder::new(setup.volume.shared_voxels(), iso, radius_mm + 1.0);
-        missed::missed(&covered.wall, is_seen, least_mm2, &way, &walls, radius_mm)
+        missed::missed(&covered.wall, is_seen, least_mm2, &way, &setup.volume, setup.scene.body.radius_mm)
     }
 
     /// Returns the share of the path behind the camera, 0 to 1, and the path's length, mm. They refer to the plan or the log that

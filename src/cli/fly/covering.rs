@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use glam::DVec3;
 use serde_json::{Map, Value, json};
 
 use super::flight_stats;
@@ -13,12 +14,14 @@ use crate::components::trail::Trail;
 use crate::coverage::LiveCoverage;
 use crate::error::Result;
 use crate::output;
+use crate::polyps::answers::{Answer, Answers};
 use crate::render::CameraModel;
 
 /// Looking back shows enough to be told if it shows this share of the wall more.
 const BACK_TOLD: f64 = 0.005;
 /// Maximum duration of a tour, simulated seconds.
 const TOUR_SECONDS: f64 = 3600.0;
+
 /// What is asked about the wall that was seen.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Covering {
@@ -28,6 +31,8 @@ pub(super) struct Covering {
     pub mesh: Option<PathBuf>,
     /// True if what was missed is visited.
     pub review: bool,
+    /// Places of candidates that the review visits, too, world mm.
+    pub unsure: Vec<DVec3>,
 }
 
 /// What was seen, and how the review goes.
@@ -56,7 +61,12 @@ impl Covering {
             return Ok(None);
         }
         let fov_degrees = prepare::fov(global, CameraModel::default())?;
-        Ok(Some(Self { fov_degrees, mesh: args.coverage_mesh.clone(), review: args.review }))
+        let unsure = match &args.answers {
+            Some(path) => Answers::read(path)?.answers,
+            None => Vec::new(),
+        };
+        let unsure = unsure.iter().filter(|a| a.answer == Some(Answer::Unsure)).map(|a| a.position).collect();
+        Ok(Some(Self { fov_degrees, mesh: args.coverage_mesh.clone(), review: args.review, unsure }))
     }
 
     /// Returns the stats of a flight in a window, where the operator decides on a review.
@@ -113,7 +123,14 @@ impl Covering {
         }
         let is_over = !self.review || covered.is_none() || flight.flight().state == State::Operator;
         let stats = Stats { flight: flight_stats(flight), wall, took: self.review.then_some([0.0; 2]) };
-        let rounds = covered.map(|c| ReviewRounds::new(flight, c, self.fov_degrees));
+        let mut rounds = covered.map(|c| ReviewRounds::new(flight, c, self.fov_degrees));
+        if let Some(rounds) = rounds.as_mut().filter(|_| !is_over) {
+            let hidden = rounds.visit(flight, &self.unsure);
+            if hidden > 0 {
+                let all = self.unsure.len();
+                say(&format!("{hidden} of {all} unsure candidates are not on the wall flown along, or out of sight"));
+            }
+        }
         Ok(Seen { stats, rounds, is_over })
     }
 
@@ -131,6 +148,7 @@ impl Covering {
                 "stops": count(|t| t.stops),
                 "reached": count(|t| t.reached),
                 "left_out": count(|t| t.left_out),
+                "unsure": self.unsure.len(),
                 "tours": tours.len(),
                 "length_mm": sum(|t| t.length_mm),
                 "seconds": sum(|t| t.seconds),

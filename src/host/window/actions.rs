@@ -297,7 +297,9 @@ const TABLE: &[Row] = &[
     Row {
         row: SEEN_ROW,
         possible: may_see_missed,
-        ..once("missed-next", "next patch of the wall that was missed", "Ctrl+F", |c, at| c.next_missed(at.now))
+        ..once("missed-next", "fly to the next patch of the wall that was missed", "Ctrl+F", |c, at| {
+            c.next_missed(at.now)
+        })
     },
     Row {
         row: SEEN_ROW,

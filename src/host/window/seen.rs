@@ -13,7 +13,7 @@ use crate::app::{FlightApp, Setup};
 use crate::components::review::ReviewStop;
 use crate::coverage::{CoveragePaint, LiveCoverage, Missed, missed};
 use crate::error::Result;
-use crate::fields::{ClearanceFinder, Lumen, Through, WallDistance};
+use crate::fields::{Lumen, Through, WallDistance};
 use crate::progress::Progress;
 
 /// Time between two looks at the progress.
@@ -25,7 +25,7 @@ enum Stage {
     Beginning(Job<(LiveCoverage, CoveragePaint)>),
     /// The missed patches are listed.
     Listing(Job<Vec<Missed>>),
-    /// The distances to the wall are computed, by which a tour is planned.
+    /// The distances to the wall are computed, by which ways are planned.
     Preparing(Job<(Arc<Lumen>, Arc<WallDistance>)>),
     /// It failed, and why.
     Failed(String),
@@ -38,6 +38,8 @@ pub(crate) struct Seen {
     /// The missed patches, as they were when somebody asked, in the order of the flight.
     list: Option<Vec<Missed>>,
     current: Option<usize>,
+    /// The patch (world, mm) that the camera was sent to.
+    pub(crate) goes_to: Option<DVec3>,
     /// The paint, while it is not shown.
     paint: Option<CoveragePaint>,
     /// What follows once the patches are listed.
@@ -52,15 +54,15 @@ pub(crate) enum News {
     Begun,
     /// The missed patches are listed, and what is to follow.
     Listed(Then),
-    /// A tour can be planned.
-    Prepared,
+    /// A way can be planned, and where to.
+    Prepared(Then),
 }
 
 /// What follows on a list of the missed patches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Then {
     Nothing,
-    /// Go to the next one.
+    /// Fly to the next one.
     Next,
     /// Fly past all of them.
     Review,
@@ -73,6 +75,7 @@ impl Seen {
             stage: Stage::Idle,
             list: None,
             current: None,
+            goes_to: None,
             paint: None,
             then: Then::Nothing,
             looked: now,
@@ -162,7 +165,7 @@ impl Seen {
                     Some(Ok((gas, walls))) => {
                         self.stage = Stage::Idle;
                         flight.adopt_walls(gas, walls);
-                        return Ok(Some(News::Prepared));
+                        return Ok(Some(News::Prepared(self.then)));
                     }
                     Some(Err(e)) => e,
                 }
@@ -185,7 +188,7 @@ impl Seen {
             Stage::Idle => None,
             Stage::Beginning(_) => Some(Ok("looking at the wall")),
             Stage::Listing(_) => Some(Ok("listing what was missed")),
-            Stage::Preparing(_) => Some(Ok("preparing the tour")),
+            Stage::Preparing(_) => Some(Ok("preparing the way")),
             Stage::Failed(why) => Some(Err(why)),
         }
     }
@@ -208,16 +211,20 @@ impl Seen {
     }
 
     /// Returns the number of the next patch that the flight has still not seen and that can be looked at: after the one that is shown,
-    /// from the first again after the last.
-    pub(crate) fn next_missed(&self, coverage: &LiveCoverage) -> Option<usize> {
+    /// from the first again after the last. If none is shown yet, the one nearest to the camera (world, mm).
+    pub(crate) fn next_missed(&self, coverage: &LiveCoverage, camera: DVec3) -> Option<usize> {
         let list = self.list.as_ref()?;
-        let first = self.current.map_or(0, |n| n + 1);
-        let order = (first..list.len()).chain(0..first.min(list.len()));
-        order.into_iter().find(|&n| list[n].look_from.is_some() && coverage.share_of(&list[n].triangles) < 0.5)
+        let is_left = |&n: &usize| list[n].look_from.is_some() && coverage.share_of(&list[n].triangles) < 0.5;
+        let Some(first) = self.current.map(|n| n + 1) else {
+            let square = |n: usize| list[n].position.distance_squared(camera);
+            return (0..list.len()).filter(is_left).min_by(|&a, &b| square(a).total_cmp(&square(b)));
+        };
+        (first..list.len()).chain(0..first.min(list.len())).find(is_left)
     }
 
-    /// Prepares to plan a tour, in the background if that takes long. Returns true if nothing is to be done.
-    pub(crate) fn prepare_tour(&mut self, flight: &FlightApp, wake: &WakeUp, now: Instant) -> bool {
+    /// Prepares to plan a way, in the background if that takes long. Returns true if nothing is to be done.
+    pub(crate) fn prepare_tour(&mut self, then: Then, flight: &FlightApp, wake: &WakeUp, now: Instant) -> bool {
+        self.then = then;
         if flight.knows_walls_to_tour() || self.next().is_some() {
             return flight.knows_walls_to_tour();
         }
@@ -272,12 +279,10 @@ fn prepare(flight: &FlightApp, wake: &WakeUp) -> Result<Job<(Arc<Lumen>, Arc<Wal
 fn list(coverage: &LiveCoverage, flight: &FlightApp, wake: &WakeUp) -> Result<Job<Vec<Missed>>> {
     let (coverage, setup) = (coverage.clone(), flight.setup());
     let way: Vec<DVec3> = flight.survey().trail().map_or_else(Vec::new, |t| t.views().iter().map(|v| v.0).collect());
-    let (radius, iso) = (setup.scene.body.radius_mm, setup.volume.transfer().iso() as f32);
-    let voxels = setup.volume.shared_voxels();
+    let (radius, volume) = (setup.scene.body.radius_mm, setup.volume.clone());
     let work = move |_: &Arc<Progress>| {
-        let walls = ClearanceFinder::new(voxels, iso, radius + 1.0);
         let is_missed = coverage.missed();
-        let mut found = missed::missed(coverage.wall(), |n| !is_missed[n], missed::LEAST_MM2, &way, &walls, radius);
+        let mut found = missed::missed(coverage.wall(), |n| !is_missed[n], missed::LEAST_MM2, &way, &volume, radius);
         found.sort_by(|a, b| a.along_mm.total_cmp(&b.along_mm));
         Ok(found)
     };

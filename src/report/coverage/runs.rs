@@ -9,7 +9,6 @@ use crate::coverage::missed::{self, LEAST_MM2};
 use crate::coverage::{Coverage, Missed, Sight, Wall};
 use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
-use crate::fields::ClearanceFinder;
 use crate::progress::Progress;
 use crate::render::camera::Perspective;
 use crate::report::timed;
@@ -204,10 +203,8 @@ pub(super) fn share(wall: &Wall, which: impl Fn(usize) -> bool) -> f64 {
 /// Returns the patches of at least 300 mm² that were not seen.
 fn missed(flight: &Flight, seen: &[bool]) -> Vec<Missed> {
     let setup = flight.app.setup();
-    let (iso, radius_mm) = (setup.volume.transfer().iso() as f32, setup.scene.body.radius_mm);
-    let walls = ClearanceFinder::new(setup.volume.shared_voxels(), iso, radius_mm + 1.0);
     let way: Vec<DVec3> = flight.views().iter().map(|v| v.0).collect();
-    missed::missed(&flight.wall, |n| seen[n], LEAST_MM2, &way, &walls, radius_mm)
+    missed::missed(&flight.wall, |n| seen[n], LEAST_MM2, &way, &setup.volume, setup.scene.body.radius_mm)
 }
 
 /// Looks at each patch that was missed from the place that is proposed for it, and again at what is missed after that.

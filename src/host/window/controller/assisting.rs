@@ -10,10 +10,12 @@ use super::pointing::go_to;
 use super::{Changed, FlightController};
 use crate::components::camera::Pose;
 use crate::components::input::FlightCommand;
+use crate::components::review::ReviewStop;
 use crate::components::scan::Walls;
 use crate::dynamics::Attitude;
 use crate::host::window::assistant::{Assistant, Entry, answer_text};
 use crate::host::window::panels::AssistInput;
+use crate::polyps::answers::Answer;
 use crate::space::first_crossing;
 
 /// Room between the camera's body and the wall, mm.
@@ -168,6 +170,19 @@ impl FlightController {
         let Some((pose, segment)) = self.seen_from(entry) else { return false };
         let other = self.flight.setup().plan.segment.is_some_and(|s| s != segment);
         (!other || self.act(FlightCommand::Segment(segment), now)) && self.flight.act(go_to(pose)).is_ok()
+    }
+
+    /// Returns the stops of a review that look at the candidates that the reader is unsure of, in the segment that is flown.
+    pub(super) fn unsure_stops(&self) -> Vec<ReviewStop> {
+        let Some((assistant, found)) = self.assistant().and_then(|a| Some((a, a.found()?))) else { return Vec::new() };
+        let is_unsure = |n: usize| assistant.reading().said(n).is_some_and(|s| s.answer == Some(Answer::Unsure));
+        let flown = self.flight.setup().plan.segment;
+        let seen = found.list.iter().enumerate().filter(|(n, _)| is_unsure(*n)).filter_map(|(_, entry)| {
+            let (pose, segment) = self.seen_from(entry)?;
+            let is_flown = flown.is_none_or(|flown| flown == segment);
+            is_flown.then(|| ReviewStop::new(pose.position, Some(entry.candidate.position)))
+        });
+        seen.collect()
     }
 
     /// Returns from where an entry is seen by a camera that fits there, and the segment of the lumen that it is in then. Where tag

@@ -6,11 +6,14 @@ use super::FlightController;
 use super::pointing::go_to;
 use crate::components::camera::Pose;
 use crate::components::input::{FlightCommand, HandCommand};
+use crate::components::review::ReviewStop;
 use crate::coverage::LiveCoverage;
 use crate::dynamics::Attitude;
 use crate::dynamics::route::profile::PathSettings;
 use crate::host::window::seen::{News, Seen, Then};
 
+/// Nearer than this to where a patch is seen from, the camera only turns to it, mm.
+const THERE_MM: f64 = 3.0;
 /// About how long a review stays at a place, s.
 const STOP_S: f64 = 2.0;
 
@@ -59,15 +62,60 @@ impl FlightController {
         self.attention = true;
     }
 
-    /// Goes to the next patch that was missed; lists them first if that was not done, or if none is left of the list.
+    /// Flies to the next patch that was missed and looks at it; lists them first if that was not done, or if none is left of the list.
     pub(crate) fn next_missed(&mut self, now: Instant) {
         let Some(coverage) = self.flight.camera::<LiveCoverage>() else { return };
-        match self.seen.next_missed(coverage) {
-            Some(n) => self.visit_missed(n, now),
-            None => {
+        match self.seen.next_missed(coverage, self.flight.pose().position) {
+            Some(n) => self.fly_to_missed(n, now),
+            None if self.seen.next().is_none() => {
                 self.seen.list_missed(Then::Next, &self.flight, &self.wake, now);
                 self.say("listing what was missed ...", now);
             }
+            None => {}
+        }
+    }
+
+    /// Flies to a patch of the list and waits there, or goes there at once where nothing flies or no way leads.
+    fn fly_to_missed(&mut self, n: usize, now: Instant) {
+        let Some(from) = self.seen.list().and_then(|list| list.get(n)?.look_from) else { return };
+        let is_there = from.position.distance(self.flight.pose().position) < THERE_MM;
+        if is_there || !self.flight.setup().scene.moves() || self.flight.setup().scene.play().is_some() {
+            return self.visit_missed(n, now);
+        }
+        if !self.seen.prepare_tour(Then::Next, &self.flight, &self.wake, now) {
+            return self.say("preparing the way ...", now);
+        }
+        let Some(patch) = self.seen.choose(n) else { return };
+        let (place, area_mm2) = (patch.position, patch.area_mm2);
+        let stop = ReviewStop::new(from.position, Some(place));
+        if self.flight.act(FlightCommand::Review(vec![stop])).is_err() {
+            return self.visit_missed(n, now);
+        }
+        self.seen.goes_to = Some(place);
+        self.set_off(now);
+        let all = self.seen.list().map_or(0, <[_]>::len);
+        let mm = self.flight.tour().map_or(0.0, |t| t.route.length_mm());
+        self.say(format!("to missed patch {} of {all}: {:.1} cm², {mm:.0} mm away", n + 1, area_mm2 / 100.0), now);
+    }
+
+    /// Lets a tour begin that was planned while the flight may have waited.
+    fn set_off(&mut self, now: Instant) {
+        self.travel = None;
+        self.slices.follow();
+        self.quiet = 0;
+        if self.hand().paused {
+            self.act(HandCommand::Pause(false), now);
+        }
+    }
+
+    /// Waits where the patch is seen to which the camera was sent.
+    fn wait_at_missed(&mut self, now: Instant) {
+        if self.flight.tour().is_none()
+            && let Some(place) = self.seen.goes_to.take()
+            && self.flight.stops_reached() > 0
+        {
+            self.stop(now);
+            self.slices.point(&self.flight, place);
         }
     }
 
@@ -104,31 +152,42 @@ impl FlightController {
         }
     }
 
-    /// Sets out on a tour past the patches of the list.
+    /// Returns the stops of a review: the patches of the list, and the candidates that the reader is unsure of in the segment that is
+    /// flown.
+    fn review_stops(&self) -> Vec<ReviewStop> {
+        let mut stops = self.flight.camera::<LiveCoverage>().map_or_else(Vec::new, |c| self.seen.stops(c));
+        stops.extend(self.unsure_stops());
+        stops
+    }
+
+    /// Sets out on a tour past the patches of the list and the candidates that the reader is unsure of.
     fn begin_review(&mut self, now: Instant) {
-        if !self.seen.prepare_tour(&self.flight, &self.wake, now) {
+        if !self.seen.prepare_tour(Then::Review, &self.flight, &self.wake, now) {
             return;
         }
-        let Some(coverage) = self.flight.camera::<LiveCoverage>() else { return };
-        let stops = self.seen.stops(coverage);
+        let stops = self.review_stops();
         if stops.is_empty() {
             return self.say("nothing of what was missed can be looked at", now);
         }
+        let unsure = self.unsure_stops().len();
         if self.act(FlightCommand::Review(stops), now) {
-            if self.hand().paused {
-                self.slices.follow();
-                self.act(HandCommand::Pause(false), now);
-            }
+            self.seen.goes_to = None;
+            self.set_off(now);
             let tour = self.flight.tour();
             let (count, mm) = tour.map_or((0, 0.0), |t| (t.stops.len(), t.route.length_mm()));
             let path = self.flight.setup().scene.guides.get::<PathSettings>();
             let minutes = (mm / path.cruise_mm_s + STOP_S * count as f64) / 60.0;
-            self.say(format!("review: {count} places in {mm:.0} mm, about {minutes:.0} min; Ctrl+V ends it"), now);
+            let of_them = if unsure > 0 { format!(" ({unsure} unsure candidates)") } else { String::new() };
+            self.say(
+                format!("review: {count} places{of_them} in {mm:.0} mm, about {minutes:.0} min; Ctrl+V ends it"),
+                now,
+            );
         }
     }
 
     /// Takes what has come out of the background.
     pub(super) fn take_seen(&mut self, now: Instant) {
+        self.wait_at_missed(now);
         match self.seen.take(&mut self.flight, now) {
             Ok(None) => {}
             Ok(Some(News::Begun)) => {
@@ -139,16 +198,121 @@ impl FlightController {
             }
             Ok(Some(News::Listed(then))) => {
                 self.attention = true;
-                let next = self.flight.camera::<LiveCoverage>().and_then(|c| self.seen.next_missed(c));
+                let here = self.flight.pose().position;
+                let next = self.flight.camera::<LiveCoverage>().and_then(|c| self.seen.next_missed(c, here));
                 match (then, next) {
                     (Then::Nothing, _) => {}
-                    (_, None) => self.say("nothing larger than 3 cm² was missed", now),
-                    (Then::Next, Some(n)) => self.visit_missed(n, now),
-                    (Then::Review, Some(_)) => self.begin_review(now),
+                    (Then::Next, Some(n)) => self.fly_to_missed(n, now),
+                    (Then::Review, _) if !self.review_stops().is_empty() => self.begin_review(now),
+                    (Then::Next | Then::Review, _) => self.say("nothing larger than 3 cm² was missed", now),
                 }
             }
-            Ok(Some(News::Prepared)) => self.begin_review(now),
+            Ok(Some(News::Prepared(Then::Review))) => self.begin_review(now),
+            Ok(Some(News::Prepared(_))) => self.next_missed(now),
             Err(e) => self.say(e.to_string(), now),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::{Duration, Instant};
+
+    use super::*;
+    use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scan, Scene};
+    use crate::host::window::assistant::State;
+    use crate::host::window::controller::tests::{cockpit_of, perform, trace};
+    use crate::host::window::panels::AssistInput;
+    use crate::phantom::{Phantom, PhantomSettings};
+    use crate::polyps::answers::Answer;
+    use crate::progress::Progress;
+    use crate::render::Settings;
+
+    /// A flight in a window that has flown half of its way, and is watched.
+    fn watched() -> (FlightController, Instant) {
+        let phantom = Phantom::new(&PhantomSettings::embedded(1));
+        let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+        let mut scan = Scan::of(volume, &OpenOptions::default()).unwrap();
+        let settings = Settings { adaptive: false, ..Settings::default() };
+        let image = ImageSettings { width: 96, height: 72, settings, ..ImageSettings::default() };
+        let scene = Scene { picture: true, operator: true, image, ..Scene::guided_by("path") };
+        let mut flight = scan.flight(scene, &FlightRequest::default()).unwrap();
+        while flight.survey().progress().0 < 0.6 {
+            flight.step().unwrap();
+        }
+        let mut c = cockpit_of(flight, 0.0, Vec::new());
+        let mut now = Instant::now();
+        trace(&mut c, now);
+        c.show_seen(true, now);
+        go_on(&mut c, &mut now, |c| c.seen().list().is_some());
+        (c, now)
+    }
+
+    /// Lets time go by until something is so.
+    #[track_caller]
+    fn go_on(c: &mut FlightController, now: &mut Instant, until: impl Fn(&FlightController) -> bool) {
+        let begun = Instant::now();
+        while !until(c) {
+            let is_late = begun.elapsed() > Duration::from_secs(150);
+            assert!(!is_late, "{:?}, {:?}", c.hud(*now).message, c.seen().state());
+            *now += Duration::from_millis(25);
+            c.advance(*now).unwrap();
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
+    #[test]
+    fn the_camera_flies_to_the_next_missed_patch_looks_at_it_and_waits() {
+        let (mut c, mut now) = watched();
+        let here = c.flight().pose().position;
+        let mut before = None;
+        for _ in 0..2 {
+            perform(&mut c, "missed-next", now);
+            go_on(&mut c, &mut now, |c| c.flight().tour().is_some());
+            assert_eq!(c.flight().tour().unwrap().stops.len(), 1);
+            let n = c.seen().current().unwrap();
+            let position = c.seen().list().unwrap()[n].position;
+            assert_ne!(before, Some(position));
+            go_on(&mut c, &mut now, |c| c.flight().tour().is_none() && c.hand().paused);
+            let patch = &c.seen().list().unwrap()[n];
+            let pose = c.flight().pose();
+            let to = patch.position - pose.position;
+            let wanted = patch.look_from.unwrap().position;
+            assert!(pose.position.distance(wanted) < 5.0 && pose.position.distance(here) > 5.0);
+            assert!(to.normalize().dot(pose.attitude.forward) > 0.9, "it looks there");
+            assert!(c.hand().paused && c.slices().cursor() == Some(patch.position));
+            before = Some(position);
+        }
+        assert_eq!(c.flight().setup().scene.guide_name(), "path");
+        // A row of the list that is clicked is gone to at once.
+        c.visit_missed(0, now);
+        assert!(c.flight().tour().is_none() && c.seen().current() == Some(0));
+    }
+
+    #[test]
+    fn a_review_looks_at_unsure_candidates_too() {
+        let (mut c, mut now) = watched();
+        c.stop(now);
+        c.assist(AssistInput::Begin, now);
+        go_on(&mut c, &mut now, |c| match c.assistant().unwrap().state() {
+            State::Working(..) => false,
+            State::Ready(_) => true,
+            State::Failed(why) => panic!("{why}"),
+        });
+        perform(&mut c, "candidate-next", now);
+        let place = c.slices().cursor().unwrap();
+        let looks_there = |c: &FlightController| {
+            let stops = c.review_stops();
+            stops.iter().any(|s| s.look_at.is_some_and(|at| place.distance(at.into()) < 0.01))
+        };
+        assert!(!looks_there(&c), "nobody is unsure");
+        perform(&mut c, "candidate-unsure", now);
+        assert!(looks_there(&c));
+        perform(&mut c, "review", now);
+        go_on(&mut c, &mut now, |c| c.flight().tour().is_some());
+        let tour = c.flight().tour().unwrap();
+        assert!(tour.stops.iter().any(|s| s.look_at.is_some_and(|at| place.distance(at) < 0.01)));
+        c.assist(AssistInput::Answer(Answer::No), now);
+        assert!(!looks_there(&c));
     }
 }
