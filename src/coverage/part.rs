@@ -1,15 +1,20 @@
 //! A part of the wall: of some segments, or what was not seen, to look at it again.
 
+use rayon::prelude::*;
+
 use super::sight::Sight;
 use super::wall::Wall;
 
 impl Wall {
     /// Returns the triangles that `which` is true for as a wall of their own, and their numbers in this one, ascending.
-    pub fn part(&self, which: impl Fn(usize) -> bool) -> (Self, Vec<u32>) {
-        let numbers: Vec<u32> = (0..self.len()).filter(|&n| which(n)).map(|n| n as u32).collect();
-        let each = || numbers.iter().map(|&n| n as usize);
+    pub fn part(&self, which: impl Fn(usize) -> bool + Sync) -> (Self, Vec<u32>) {
+        let numbers: Vec<u32> = (0..self.len() as u32).into_par_iter().filter(|&n| which(n as usize)).collect();
+        if numbers.len() == self.len() {
+            return (self.clone(), numbers);
+        }
+        let each = || numbers.par_iter().map(|&n| n as usize);
         let mut number = vec![u32::MAX; self.places.len()];
-        each().flat_map(|n| self.triangles[n]).for_each(|v| number[v as usize] = 0);
+        numbers.iter().flat_map(|&n| self.triangles[n as usize]).for_each(|v| number[v as usize] = 0);
         let mut places = Vec::new();
         for (old, new) in number.iter_mut().enumerate().filter(|(_, new)| **new == 0) {
             *new = places.len() as u32;
