@@ -298,7 +298,7 @@ const TABLE: &[Row] = &[
         row: SEEN_ROW,
         possible: may_see_missed,
         ..once("missed-next", "fly to the next patch of the wall that was missed", "Ctrl+F", |c, at| {
-            c.next_missed(at.now)
+            c.next_missed(at.now);
         })
     },
     Row {
