@@ -5,6 +5,7 @@ use bevy_ecs::prelude::*;
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, State};
 use crate::components::output::Picture;
+use crate::components::review::Review;
 use crate::components::scan::Scan;
 use crate::components::slices::SliceView;
 use crate::components::trail::Trail;
@@ -59,14 +60,14 @@ pub fn paint_unseen(
     }
 }
 
+/// The camera of a flight whose coverage is watched.
+type Watched<'a> = (&'a Trail, &'a mut LiveCoverage, Option<&'a Picture>, Option<&'a Flight>, Option<&'a Review>);
+
 /// Goes on with the newest view of the trail, with the view angle of the picture.
-pub fn watch_wall(
-    clock: Res<Clock>,
-    scan: Single<&Scan, With<Main>>,
-    camera: Single<(&Trail, &mut LiveCoverage, Option<&Picture>, Option<&Flight>), With<Main>>,
-) {
-    let (trail, mut coverage, picture, flight) = camera.into_inner();
-    coverage.set_over(flight.is_some_and(|f| f.state == State::Arrived));
+pub fn watch_wall(clock: Res<Clock>, scan: Single<&Scan, With<Main>>, camera: Single<Watched, With<Main>>) {
+    let (trail, mut coverage, picture, flight, tour) = camera.into_inner();
+    // At the end of a tour the flight may still have to go on.
+    coverage.set_over(tour.is_none() && flight.is_some_and(|f| f.state == State::Arrived));
     if let Some(picture) = picture {
         coverage.set_fov(picture.fov_degrees);
     }
