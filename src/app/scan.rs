@@ -208,7 +208,19 @@ impl Scan {
         if let Some(former) = &self.former {
             cleanse::keep_ends(&mut found, former);
         }
+        self.close_septa(&found);
         Ok(Arc::clone(self.lumen.insert(Arc::new(found))))
+    }
+
+    /// Makes the septa of a lumen tissue, so that neither a camera nor a ray passes through them.
+    fn close_septa(&mut self, lumen: &Lumen) {
+        if lumen.septa().is_empty() {
+            return;
+        }
+        self.notes.extend(lumen.septa_note());
+        let begun = Instant::now();
+        self.volume.change(|volume| lumen.close_septa(volume));
+        self.timings.add("septa_flags_s", begun.elapsed().as_secs_f64());
     }
 
     /// Takes tagged fluid and stool out of this scan, in place if nothing shares its voxels: from now on, this is the scan. A scan
@@ -230,8 +242,11 @@ impl Scan {
         drop(volume);
         if !cleansed.changes.is_empty() {
             self.change(&mut cleansed);
-            match self.lumen_without_tag(&self.volume.clone(), &found) {
-                Ok(lumen) => self.lumen = Some(lumen),
+            match self.lumen_without_tag(&found) {
+                Ok(lumen) => {
+                    self.close_septa(&lumen);
+                    self.lumen = Some(lumen);
+                }
                 Err(e) => {
                     self.change(&mut cleansed);
                     return Err(e);
@@ -249,8 +264,8 @@ impl Scan {
         self.timings.add("cleansed_flags_s", begun.elapsed().as_secs_f64());
     }
 
-    fn lumen_without_tag(&mut self, volume: &PreparedVolume, before: &Lumen) -> Result<Arc<Lumen>> {
-        let find = || lumen::find_told(volume.voxels(), &self.told, &self.progress);
+    fn lumen_without_tag(&mut self, before: &Lumen) -> Result<Arc<Lumen>> {
+        let find = || lumen::find_told(self.volume.voxels(), &self.told, &self.progress);
         let found = self.timings.time("cleansed_lumen_s", find);
         let mut lumen = found?;
         cleanse::keep_ends(&mut lumen, before);

@@ -187,6 +187,9 @@ pub(crate) fn lumen(volume: &Volume, timings: &mut Timings, progress: &Progress)
     if let Some(conflict) = found.lying.and_then(|l| l.conflict()) {
         say(&conflict);
     }
+    if let Some(note) = found.septa_note() {
+        say(&note);
+    }
     Ok(found)
 }
 
@@ -223,6 +226,7 @@ pub(crate) fn cleansed_lumen(
     if found.segments.is_empty() {
         return Err(no_lumen(&found, "give --from and a point in the colon"));
     }
+    found.close_septa(volume);
     let mut cleansed = timings.time("cleanse_s", || cleanse::cleanse(volume, &found, progress))?;
     if cleansed.changes.is_empty() {
         return Ok((found, None));
@@ -235,6 +239,7 @@ pub(crate) fn cleansed_lumen(
     };
     // Where there was gas there is gas still.
     let Some(mut lumen) = timings.time("cleansed_lumen_s", again)? else { return Ok((found, Some(cleansed))) };
+    lumen.close_septa(volume);
     cleanse::keep_ends(&mut lumen, &found);
     Ok((lumen, Some(cleansed)))
 }

@@ -104,8 +104,9 @@ pub(in crate::fields) struct Cells {
 }
 
 impl Cells {
-    /// Decomposes the lumen of `walls`.
-    pub(crate) fn of(walls: &WallDistance, progress: &Progress) -> Result<Self> {
+    /// Decomposes the lumen of `walls`. Two nodes are neighbours only if the opening between them lets a body pass that needs
+    /// `least_mm` on each side, by half a voxel: the middle of an opening lies between voxels.
+    pub(crate) fn of(walls: &WallDistance, least_mm: f64, progress: &Progress) -> Result<Self> {
         let grid = walls.grid();
         let shape = Shape::of(grid.spacing());
         let dims: [usize; 3] = std::array::from_fn(|a| grid.dims()[a].div_ceil(shape.side[a]));
@@ -128,7 +129,7 @@ impl Cells {
         }
         let places = nodes.iter().map(|n: &Node| walls.world(n.widest)).collect();
         let mut cells = Self { shape, nodes, places, of_cell, dims, neighbours: Neighbours::default() };
-        cells.link();
+        cells.link(walls, least_mm - 0.5 * grid.min_spacing());
         Ok(cells)
     }
 
@@ -141,7 +142,7 @@ impl Cells {
         self.of_cell[cell]..self.of_cell[cell + 1]
     }
 
-    fn link(&mut self) {
+    fn link(&mut self, walls: &WallDistance, least_mm: f64) {
         let this = &*self;
         let pairs = (0..this.nodes.len() as u32)
             .into_par_iter()
@@ -152,12 +153,36 @@ impl Cells {
                 (0..3).flat_map(move |a| {
                     let place = node.corner[a] as usize / this.shape.side[a];
                     let next = if place + 1 < this.dims[a] { this.in_cell(cell + strides[a]) } else { 0..0 };
-                    next.filter(move |&m| this.shape.touches(a, node.mask, this.nodes[m as usize].mask))
-                        .flat_map(move |m| [(n, m), (m, n)])
+                    next.filter(move |&m| this.is_open(walls, a, n, m, least_mm)).flat_map(move |m| [(n, m), (m, n)])
                 })
             })
             .collect();
         self.neighbours = Neighbours::new(self.nodes.len(), pairs);
+    }
+
+    /// True if two nodes touch along an axis where both have at least `least_mm` to the wall.
+    fn is_open(&self, walls: &WallDistance, a: usize, here: u32, next: u32, least_mm: f64) -> bool {
+        let (node, beyond) = (&self.nodes[here as usize], self.nodes[next as usize].mask);
+        if !self.shape.touches(a, node.mask, beyond) {
+            return false;
+        }
+        let back = (self.shape.side[a] - 1) * self.shape.stride(a);
+        let is_free = |v: [i64; 3]| walls.at(v).is_some_and(|d| f64::from(d) >= least_mm);
+        if least_mm <= 0.0 {
+            return true;
+        }
+        let mut shared = node.mask & self.shape.last[a] & beyond << back;
+        while shared != 0 {
+            let offset = self.shape.offset(shared.trailing_zeros() as usize);
+            let v: [i64; 3] = std::array::from_fn(|a| i64::from(node.corner[a]) + offset[a]);
+            let mut w = v;
+            w[a] += 1;
+            if is_free(v) && is_free(w) {
+                return true;
+            }
+            shared &= shared - 1;
+        }
+        false
     }
 
     /// Returns the nodes that share a face with node `n`.

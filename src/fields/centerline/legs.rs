@@ -74,7 +74,7 @@ impl<'a> Legs<'a> {
     /// # Errors
     /// Returns status 4 if interrupted.
     pub fn between(walls: &'a WallDistance, places: &[DVec3], least_mm: f64, progress: &Progress) -> Result<Self> {
-        let cells = Cells::of(walls, progress)?;
+        let cells = Cells::of(walls, least_mm, progress)?;
         let stop = |&place: &DVec3| {
             let voxel = walls.nearest(place, SNAP_MM)?;
             let place = if walls.voxel(place) == voxel { place } else { walls.world(voxel) };

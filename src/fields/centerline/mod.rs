@@ -25,6 +25,8 @@ pub(in crate::fields) use polyline::{length, smoothed, spaced};
 
 /// Distance between the line's points, mm.
 const STEP_MM: f64 = 1.0;
+/// Radius of the body that an opening should let pass, mm: the camera's.
+const BODY_MM: f64 = 1.5;
 /// Maximum distance over which a point outside the lumen is moved into it, mm.
 const SNAP_MM: f64 = 5.0;
 /// Clearance at which narrowness begins to add cost, mm.
@@ -165,7 +167,12 @@ fn search(
     progress: &Progress,
 ) -> Result<Centerline> {
     progress.stage("finding the centerline", 0);
-    let cells = Cells::of(walls, progress)?;
+    // Where a body passes, if there is such a way.
+    let cells = Cells::of(walls, BODY_MM, progress)?;
+    if let Some(line) = (Planner { method, smooth, walls, cells: &cells, progress }).route(from, to)? {
+        return Ok(line);
+    }
+    let cells = Cells::of(walls, 0.0, progress)?;
     let planner = Planner { method, smooth, walls, cells: &cells, progress };
     match planner.route(from, to)? {
         Some(line) => Ok(line),
@@ -179,7 +186,7 @@ fn search(
 /// # Errors
 /// Returns status 4 if there is no lumen, or when interrupted.
 pub fn far_ends(walls: &WallDistance, progress: &Progress) -> Result<[DVec3; 2]> {
-    let cells = Cells::of(walls, progress)?;
+    let cells = Cells::of(walls, 0.0, progress)?;
     let clearance = |n: u32| cells.nodes[n as usize].clearance;
     let widest = cells.largest_piece().into_iter().reduce(|a, b| if clearance(b) > clearance(a) { b } else { a });
     let Some(start) = widest else {

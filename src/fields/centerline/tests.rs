@@ -282,7 +282,7 @@ fn cells_are_nearly_cubes_and_the_first_of_equal_pieces_is_the_largest() {
     use super::cells::Cells;
     let walls =
         WallDistance::drawn([40, 8, 8], DVec3::ONE, |p| (2.0..10.0).contains(&p.x) || (22.0..30.0).contains(&p.x));
-    let cells = Cells::of(&walls, &Progress::new()).unwrap();
+    let cells = Cells::of(&walls, 0.0, &Progress::new()).unwrap();
     let piece = cells.largest_piece();
     assert!(piece.contains(&cells.node_at([4, 4, 4]).unwrap()) && !piece.contains(&cells.node_at([25, 4, 4]).unwrap()));
 }

@@ -15,7 +15,7 @@ const LEAST_SHARE: f64 = 0.05;
 /// stretches.
 const AMPLE_ML: f64 = 15.0;
 /// Bubbles smaller than this are never kept beside a larger piece, ml.
-const BUBBLE_ML: f64 = 0.1;
+pub(super) const BUBBLE_ML: f64 = 0.1;
 /// Maximum number of pieces (the largest are kept).
 const MOST: usize = 32;
 /// Tissue that surrounds gas inside the body on every side, mm: more than the shell of a table, less than the skin and

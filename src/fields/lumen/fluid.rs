@@ -52,6 +52,10 @@ pub(super) struct Fluid {
     pub joined: Vec<Vec<usize>>,
     /// The direction of gravity, if level surfaces tell it.
     pub down: Option<AxisDirection>,
+    /// The same runs, labelled with their pool.
+    pub pools: Rows,
+    /// The voxels of gas above the level surface of each pool.
+    pub levels: Vec<Vec<[i64; 3]>>,
 }
 
 /// A voxel below the gas, with fluid a few voxels further down.
@@ -249,11 +253,12 @@ impl<'a> Flood<'a> {
         let pull =
             if (grid.to_world().matrix3.col(self.down.axis) * self.down.sign as f64)[world] < 0.0 { -1.0 } else { 1.0 };
         let depth = |p: [i64; 3]| pull * grid.world(place(p))[world];
-        let surface = pool.columns.iter().map(|c| depth(self.index(c))).fold(f64::INFINITY, f64::min) - 1e-6;
+        let surface =
+            pool.columns.iter().map(|c| depth(index(self.frame, self.down, c))).fold(f64::INFINITY, f64::min) - 1e-6;
         let rim = 1 + self.reach[0].max(self.reach[1]).max(self.reach[2]);
         let mut open = VecDeque::new();
         for c in &pool.columns {
-            let at = self.index(c);
+            let at = index(self.frame, self.down, c);
             let film = i64::from(c.depth) + (FILM_MM / grid.spacing()[self.down.axis]) as i64;
             for n in 0..=film {
                 let p: [i64; 3] = std::array::from_fn(|a| at[a] + step[a] * n);
@@ -313,15 +318,6 @@ impl<'a> Flood<'a> {
             }
         }
         self.voxels.clear();
-    }
-
-    /// Returns the voxel just below the gas of a column.
-    fn index(&self, c: &Column) -> [i64; 3] {
-        let mut at = [0; 3];
-        at[self.frame.superior.axis] = i64::from(c.slice);
-        at[across(self.frame, self.down).axis] = i64::from(c.across);
-        at[self.down.axis] = i64::from(c.level);
-        at
     }
 
     fn hu(&self, p: [i64; 3]) -> i16 {
@@ -408,8 +404,27 @@ impl Flood<'_> {
                 }
             }
         }
-        Ok(Fluid { rows: rows.select(|pool| Some(pools[roots[pool as usize]].label)), joined, down: None })
+        let above = self.down.back().step();
+        let mut levels = vec![Vec::new(); pools.len()];
+        for (pool, &root) in pools.iter().zip(&roots) {
+            levels[root].extend(pool.columns.iter().map(|c| {
+                let at = index(self.frame, self.down, c);
+                [0, 1, 2].map(|a| at[a] + above[a])
+            }));
+        }
+        let pools_rows = rows.select(|pool| Some(roots[pool as usize] as u32));
+        let labelled = rows.select(|pool| Some(pools[roots[pool as usize]].label));
+        Ok(Fluid { rows: labelled, joined, down: None, pools: pools_rows, levels })
     }
+}
+
+/// Returns the voxel just below the gas of a column.
+fn index(frame: Frame, down: AxisDirection, c: &Column) -> [i64; 3] {
+    let mut at = [0; 3];
+    at[frame.superior.axis] = i64::from(c.slice);
+    at[across(frame, down).axis] = i64::from(c.across);
+    at[down.axis] = i64::from(c.level);
+    at
 }
 
 fn place(p: [i64; 3]) -> DVec3 {

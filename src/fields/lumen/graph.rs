@@ -141,11 +141,24 @@ impl Graph {
         }
     }
 
-    /// Returns the runs that the map was made of, labelled as its nodes are now.
+    /// Returns the number of contacts that a way of `mm` along the axes has at least.
+    pub(crate) fn far_hops(&self, grid: &Grid, mm: f64) -> u32 {
+        let side = cell(grid);
+        let longest = (0..3).map(|a| side[a] as f64 * grid.spacing()[a]).fold(CELL_MM, f64::max);
+        (mm / longest).ceil() as u32
+    }
+
+    /// Returns the runs that the map was made of, labelled with what `label` makes of the number of their node.
     ///
     /// # Errors
     /// Returns an error if cancelled, or if there are too many runs.
-    pub(crate) fn labelled(&self, grid: &Grid, rows: &Rows, progress: &Progress) -> Result<Rows> {
+    pub(crate) fn labelled(
+        &self,
+        grid: &Grid,
+        rows: &Rows,
+        label: impl Fn(u32) -> u32,
+        progress: &Progress,
+    ) -> Result<Rows> {
         let side = cell(grid);
         let dims @ [_, ny, nz] = rows.dims();
         let mut out = Rows::from_slices(dims, Vec::new())?;
@@ -162,7 +175,7 @@ impl Graph {
                     for j in 0..ny {
                         let before = runs.len();
                         for r in slice.row(j) {
-                            let label = self.nodes[base + r.label as usize].label;
+                            let label = label(base + r.label);
                             match runs[before..].last_mut() {
                                 Some(last) if last.end == r.start && last.label == label => last.end = r.end,
                                 _ => runs.push(Run { label, ..*r }),
@@ -172,7 +185,7 @@ impl Graph {
                     }
                     out.append((lengths, runs))?;
                 }
-                base += slab.sums.len();
+                base += slab.sums.len() as u32;
             }
         }
         Ok(out)

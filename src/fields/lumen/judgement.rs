@@ -6,7 +6,7 @@ use super::kinds::rules::{self, Chain};
 use super::kinds::{Considered, Features, GasKind, Judged, Landmarks, features, necks};
 use super::others::Other;
 use super::runs::{Rows, Sets, touching};
-use super::{Bodies, Body, Lumen, SNAP_MM, Told, ends, measured, order};
+use super::{Bodies, Body, Core, Lumen, SNAP_MM, Told, ends, measured, order};
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::volume::Volume;
@@ -24,26 +24,23 @@ const NARROW_MM: [f64; 2] = [20.0, 30.0];
 /// … with this share.
 const NARROW: f64 = 0.5;
 
-/// Builds the lumen from the cores labelled 0 to `count` − 1: judges each body, or its parts if narrow passages divide it, and keeps
+/// Builds the lumen from its cores: judges each body, or its parts if narrow passages divide it, and keeps
 /// what is colon or may be.
-pub(super) fn lumen(
-    volume: &Volume,
-    core: Rows,
-    count: usize,
-    told: &[Told],
-    frame: Frame,
-    progress: &Progress,
-) -> Result<Lumen> {
+pub(super) fn lumen(volume: &Volume, core: Core, told: &[Told], frame: Frame, progress: &Progress) -> Result<Lumen> {
     let grid = volume.grid();
     let landmarks = Landmarks::of(volume, frame);
-    let mut graph = Graph::of(grid, &core, progress)?;
+    let mut graph = Graph::of(grid, &core.rows, progress)?;
     let former = match &landmarks {
-        Some(l) => necks::part(&mut graph, count, grid.voxel_ml(), l.scale()),
-        None => (0..count as u32).collect(),
+        Some(l) => necks::part(&mut graph, core.count, grid.voxel_ml(), l.scale()),
+        None => (0..core.count as u32).collect(),
     };
-    let is_divided = former.len() > count;
-    let core = if is_divided { graph.labelled(grid, &core, progress)? } else { core };
-    let mut bodies = Bodies::of(volume, core, &graph, former.len(), frame, progress)?;
+    let is_divided = former.len() > core.count;
+    let rows = match is_divided {
+        true => graph.labelled(grid, &core.rows, |n| graph.nodes[n as usize].label, progress)?,
+        false => core.rows,
+    };
+    let core = Core { rows, count: former.len(), septa: core.septa };
+    let mut bodies = Bodies::of(volume, core, &graph, frame, progress)?;
     let Some(landmarks) = landmarks else { return Ok(bodies.into_lumen(volume, frame, None)) };
     let considered = considered(volume, &bodies, told, &landmarks);
     let judged: Vec<Judged> = considered.iter().map(|c| c.judged).collect();
@@ -170,7 +167,7 @@ impl Bodies {
                 clearances[l].clone_from(&self.clearances[n]);
             }
         }
-        let mut bodies = Self { segments, clearances, gas, fluid, down: self.down };
+        let mut bodies = Self { segments, clearances, gas, fluid, septa: self.septa, down: self.down };
         let whole: Vec<u32> = (0..count as u32).filter(|&l| parts[l as usize].len() > 1).collect();
         let found = Self::ends(grid, &bodies.gas, graph, whole, progress)?;
         bodies.put_ends(found);

@@ -22,6 +22,7 @@ mod others;
 mod position;
 pub(in crate::fields) mod residue;
 pub(in crate::fields) mod runs;
+mod septa;
 #[cfg(test)]
 mod tests;
 
@@ -52,6 +53,8 @@ pub const GAS_HU: i16 = -650;
 pub const CORE_HU: i16 = -800;
 /// Tissue is brighter than this, HU: between fat (−120) and lung.
 const TISSUE_HU: i16 = -300;
+/// Value of a septum that was found again, HU: soft tissue.
+const SEPTUM_HU: i16 = 40;
 /// Maximum growth of the gas from its core to the wall's middle, voxels.
 const GROWTH: usize = 3;
 /// Maximum distance of the lumen from a given point, mm.
@@ -103,6 +106,8 @@ pub struct Lumen {
     fluid: Rows,
     /// Gas that looked like a colon's and was judged to be none, labelled with the number of its kind.
     other: Rows,
+    /// Voxels of septa, linear indices, ascending.
+    septa: Vec<usize>,
 }
 
 /// A kind that the reader gave to the gas at a place (world, mm).
@@ -154,7 +159,8 @@ pub fn find_told(volume: &Volume, told: &[Told], progress: &Progress) -> Result<
     }
     let core = rows.select(|c| place[c as usize]);
     drop(rows);
-    let mut lumen = judgement::lumen(volume, core, chosen.len(), told, frame, progress)?;
+    let core = parted(volume, core, chosen.len(), progress)?;
+    let mut lumen = judgement::lumen(volume, core, told, frame, progress)?;
     lumen.others.append(&mut others);
     lumen.others.sort_by(|a, b| b.ml.total_cmp(&a.ml));
     Ok(lumen)
@@ -175,13 +181,45 @@ pub fn gas_at(volume: &Volume, world: DVec3, progress: &Progress) -> Result<Opti
     }
     let core = rows.select(|c| (c == label).then_some(0));
     drop(rows);
-    lumen(volume, core, 1, frame, progress).map(Some)
+    let core = parted(volume, core, 1, progress)?;
+    let Some((label, _)) = ends::nearest(volume.grid(), &core.rows, world, SNAP_MM, |_| true) else { return Ok(None) };
+    let rows = core.rows.select(|c| (c == label).then_some(0));
+    lumen(volume, Core { rows, count: 1, ..core }, frame, progress).map(Some)
 }
 
-/// Builds a lumen from the cores labelled 0 to `count` − 1, the largest first.
-fn lumen(volume: &Volume, core: Rows, count: usize, frame: Frame, progress: &Progress) -> Result<Lumen> {
-    let graph = Graph::of(volume.grid(), &core, progress)?;
-    let bodies = Bodies::of(volume, core, &graph, count, frame, progress)?;
+/// The cores of bodies of gas.
+#[derive(Debug)]
+struct Core {
+    /// Labelled from 0, the largest first.
+    rows: Rows,
+    count: usize,
+    /// Voxels of septa that were taken out of them, linear indices, ascending.
+    septa: Vec<usize>,
+}
+
+/// Takes the septa out through which the cores labelled 0 to `count` − 1 leak. What is parted from a core and smaller than a bubble is dropped.
+fn parted(volume: &Volume, core: Rows, count: usize, progress: &Progress) -> Result<Core> {
+    let septa = septa::leaks(volume, &core, progress)?;
+    if septa.is_empty() {
+        return Ok(Core { rows: core, count, septa });
+    }
+    let mut rows = septa::without(&core, &septa);
+    drop(core);
+    let pieces = rows.label_components(progress)?;
+    let mut voxels = vec![0u64; pieces];
+    rows.runs().iter().for_each(|r| voxels[r.label as usize] += u64::from(r.len()));
+    let least = (choose::BUBBLE_ML / volume.grid().voxel_ml()) as u64;
+    let mut kept: Vec<u32> = (0..pieces as u32).filter(|&p| voxels[p as usize] >= least).collect();
+    kept.sort_by_key(|&p| (std::cmp::Reverse(voxels[p as usize]), p));
+    let mut place = vec![None; pieces];
+    kept.iter().enumerate().for_each(|(n, &p)| place[p as usize] = Some(n as u32));
+    Ok(Core { rows: rows.select(|p| place[p as usize]), count: kept.len(), septa })
+}
+
+/// Builds a lumen from its cores.
+fn lumen(volume: &Volume, core: Core, frame: Frame, progress: &Progress) -> Result<Lumen> {
+    let graph = Graph::of(volume.grid(), &core.rows, progress)?;
+    let bodies = Bodies::of(volume, core, &graph, frame, progress)?;
     Ok(bodies.into_lumen(volume, frame, None))
 }
 
@@ -193,22 +231,33 @@ struct Bodies {
     clearances: Vec<Vec<f64>>,
     gas: Rows,
     fluid: Rows,
+    /// Voxels of septa (see [`Lumen::septa`]).
+    septa: Vec<usize>,
     /// The direction of gravity, if levels of fluid tell it.
     down: Option<AxisDirection>,
 }
 
 impl Bodies {
-    /// Measures the bodies whose cores are labelled 0 to `count` − 1 in `core` and in its map.
-    fn of(volume: &Volume, core: Rows, graph: &Graph, count: usize, frame: Frame, progress: &Progress) -> Result<Self> {
+    /// Measures the bodies of the cores, which made `graph`.
+    fn of(volume: &Volume, core: Core, graph: &Graph, frame: Frame, progress: &Progress) -> Result<Self> {
+        let Core { rows: core, count, septa: leaks } = core;
         let grid = volume.grid();
-        let gas = grow::grow(volume, core, GAS_HU, GROWTH, progress)?;
+        let grown = septa::Grown::of(volume, &core, graph, progress)?;
+        drop(core);
+        let gas = grown.gas(graph);
         let (found, fluid) = rayon::join(
             || Self::ends(grid, &gas, graph, 0..count as u32, progress),
             || fluid::find(volume, &gas, count, frame, progress),
         );
         let (found, fluid) = (found?, fluid?);
+        let mut septa = grown.septa(volume, Some(&fluid), progress)?;
+        septa.extend(leaks);
+        septa.sort_unstable();
+        septa.dedup();
+        drop(grown);
+        let gas = septa::without(&gas, &septa);
         let (segments, clearances) = (measured(grid, &gas, count), vec![Vec::new(); count]);
-        let mut bodies = Self { segments, clearances, gas, fluid: fluid.rows, down: fluid.down };
+        let mut bodies = Self { segments, clearances, gas, fluid: fluid.rows, septa, down: fluid.down };
         for r in bodies.fluid.runs() {
             bodies.segments[r.label as usize].fluid_ml += f64::from(r.len()) * grid.voxel_ml();
         }
@@ -292,7 +341,8 @@ impl Bodies {
         let [gas, fluid] = [self.gas, self.fluid].map(|rows| rows.select(|label| Some(place[label as usize])));
         let lying = position::lying(frame, self.down, landmarks.as_ref(), volume.header_position());
         let ordered = order.trusted && landmarks.as_ref().is_none_or(|l| !l.is_chest());
-        Lumen { segments, ordered, landmarks, lying, ..Lumen::of_rows(volume.grid(), gas, fluid) }
+        let septa = self.septa;
+        Lumen { segments, ordered, landmarks, lying, septa, ..Lumen::of_rows(volume.grid(), gas, fluid) }
     }
 }
 
@@ -363,7 +413,31 @@ impl Lumen {
             gas,
             fluid,
             other,
+            septa: Vec::new(),
         }
+    }
+
+    /// Returns the voxels (linear indices, ascending) of walls between two limbs of the colon that thick slices or noise have made as
+    /// dark as gas. They are not part of the gas.
+    pub fn septa(&self) -> &[usize] {
+        &self.septa
+    }
+
+    /// Returns a note to the user on the septa; `None` if there are none.
+    pub fn septa_note(&self) -> Option<String> {
+        let (ml, voxels) = (self.septa.len() as f64 * self.grid.voxel_ml(), self.septa.len());
+        let spacing = self.grid.spacing().max_element();
+        (voxels > 0).then(|| {
+            format!(
+                "walls between limbs of the colon, as dark as gas in {spacing:.1} mm slices, were closed: {voxels} voxels, {ml:.1} ml"
+            )
+        })
+    }
+
+    /// Makes the septa of this lumen tissue in the scan that it was found in, so that nothing passes through them.
+    pub fn close_septa(&self, volume: &mut Volume) {
+        let data = volume.data_mut();
+        self.septa.iter().for_each(|&v| data[v] = data[v].max(SEPTUM_HU));
     }
 
     /// Returns a lumen of the gas of some segments alone, without fluid.
@@ -424,7 +498,9 @@ impl Lumen {
     #[must_use]
     pub fn into_part(self, first: [usize; 3], dims: [usize; 3]) -> Self {
         let [gas, fluid] = [&self.gas, &self.fluid].map(|rows| rows.part(first, dims));
-        Self { grid: self.grid.part(first, dims), gas, fluid, other: Rows::default(), ..self }
+        // What is cut out of a scan has its septa closed.
+        let septa = Vec::new();
+        Self { grid: self.grid.part(first, dims), gas, fluid, other: Rows::default(), septa, ..self }
     }
 
     /// Returns the grid of the scan in which the lumen was found.

@@ -199,6 +199,20 @@ impl Rows {
         out
     }
 
+    /// Replaces each run, given as (j, k, run), by those that `parts` appends, in order.
+    pub(crate) fn split(&self, mut parts: impl FnMut(usize, usize, Run, &mut Vec<Run>)) -> Self {
+        let mut out = Self { dims: self.dims, offsets: Vec::with_capacity(self.offsets.len()), runs: Vec::new() };
+        out.offsets.push(0);
+        for (n, row) in self.offsets.windows(2).enumerate() {
+            for &run in &self.runs[row[0] as usize..row[1] as usize] {
+                parts(n % self.dims[1], n / self.dims[1], run, &mut out.runs);
+            }
+            out.offsets.push(out.runs.len() as u32);
+        }
+        out.runs.shrink_to_fit();
+        out
+    }
+
     /// Joins runs of one label that follow each other without a gap.
     pub(crate) fn joined(&self) -> Self {
         let mut out = Self { dims: self.dims, offsets: Vec::with_capacity(self.offsets.len()), runs: Vec::new() };
@@ -233,6 +247,52 @@ impl Rows {
             }
         }
         sets.numbered()
+    }
+
+    /// Labels every run with its 6-connected component, numbered from 0 in the order of first voxels, and returns the number of
+    /// components. The runs of each row must be separate. Slices are joined internally in parallel, then to each other in order.
+    ///
+    /// # Errors
+    /// Returns an error if cancelled.
+    pub(super) fn label_components(&mut self, progress: &Progress) -> Result<usize> {
+        let [_, ny, nz] = self.dims;
+        let slice_starts: Vec<usize> = (0..=nz).map(|k| self.offsets[k * ny] as usize).collect();
+        // Each slice has a separate union-find on a disjoint piece of one array; its roots stay within the slice.
+        let mut sets = Sets::new(self.runs.len());
+        let mut pieces = Vec::with_capacity(nz);
+        let mut rest = sets.parent.as_mut_slice();
+        for w in slice_starts.windows(2) {
+            let (piece, tail) = rest.split_at_mut(w[1] - w[0]);
+            pieces.push(piece);
+            rest = tail;
+        }
+        pieces.into_par_iter().enumerate().for_each(|(k, piece)| {
+            let base = slice_starts[k];
+            let mut own = Sets::new(piece.len());
+            for j in 1..ny {
+                let (a, b) = (self.row_range(j - 1, k), self.row_range(j, k));
+                touching(&self.runs[a.clone()], &self.runs[b.clone()], |x, y| {
+                    own.join((a.start - base + x) as u32, (b.start - base + y) as u32);
+                });
+            }
+            for (to, from) in piece.iter_mut().zip(own.parent) {
+                *to = base as u32 + from;
+            }
+        });
+        for k in 1..nz {
+            progress.check()?;
+            for j in 0..ny {
+                let (a, b) = (self.row_range(j, k - 1), self.row_range(j, k));
+                touching(&self.runs[a.clone()], &self.runs[b.clone()], |x, y| {
+                    sets.join((a.start + x) as u32, (b.start + y) as u32);
+                });
+            }
+        }
+        let (labels, count) = sets.numbered();
+        for (run, label) in self.runs.iter_mut().zip(labels) {
+            run.label = label;
+        }
+        Ok(count)
     }
 
     /// Returns the size in memory, bytes.
@@ -315,7 +375,7 @@ pub(super) fn near(a: &[Run], b: &[Run], slack: u32, mut f: impl FnMut(usize, us
 ///
 /// Slices are scanned and joined internally in parallel, then joined to each other in order.
 pub(super) fn components_below(volume: &Volume, limit: i16, progress: &Progress) -> Result<(Rows, usize)> {
-    let dims @ [nx, ny, nz] = volume.grid().dims();
+    let dims @ [nx, ny, _] = volume.grid().dims();
     if u32::try_from(nx).is_err() {
         return Err(Error::input("volume", format!("a row of {nx} voxels is too long"), "crop it"));
     }
@@ -330,42 +390,7 @@ pub(super) fn components_below(volume: &Volume, limit: i16, progress: &Progress)
         progress.advance(1)?;
         Ok((lengths, runs))
     })?;
-    let slice_starts: Vec<usize> = (0..=nz).map(|k| rows.offsets[k * ny] as usize).collect();
-    // Each slice has a separate union-find on a disjoint piece of one array; its roots stay within the slice.
-    let mut sets = Sets::new(rows.runs.len());
-    let mut pieces = Vec::with_capacity(nz);
-    let mut rest = sets.parent.as_mut_slice();
-    for w in slice_starts.windows(2) {
-        let (piece, tail) = rest.split_at_mut(w[1] - w[0]);
-        pieces.push(piece);
-        rest = tail;
-    }
-    pieces.into_par_iter().enumerate().for_each(|(k, piece)| {
-        let base = slice_starts[k];
-        let mut own = Sets::new(piece.len());
-        for j in 1..ny {
-            let (a, b) = (rows.row_range(j - 1, k), rows.row_range(j, k));
-            touching(&rows.runs[a.clone()], &rows.runs[b.clone()], |x, y| {
-                own.join((a.start - base + x) as u32, (b.start - base + y) as u32);
-            });
-        }
-        for (to, from) in piece.iter_mut().zip(own.parent) {
-            *to = base as u32 + from;
-        }
-    });
-    for k in 1..nz {
-        progress.check()?;
-        for j in 0..ny {
-            let (a, b) = (rows.row_range(j, k - 1), rows.row_range(j, k));
-            touching(&rows.runs[a.clone()], &rows.runs[b.clone()], |x, y| {
-                sets.join((a.start + x) as u32, (b.start + y) as u32);
-            });
-        }
-    }
-    let (labels, count) = sets.numbered();
-    for (run, label) in rows.runs.iter_mut().zip(labels) {
-        run.label = label;
-    }
+    let count = rows.label_components(progress)?;
     Ok((rows, count))
 }
 
