@@ -6,13 +6,13 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::PhantomSettings;
 use super::centerline::{Centerline, control_points};
 use super::features::Stream;
 use super::profile::SHIFT;
 use super::room;
 use super::shape::{Shape, largest};
 use super::solid::Surface;
+use super::{PhantomSettings, bowel};
 use crate::math::hash;
 
 /// Range of the septum's thickness, mm.
@@ -34,16 +34,19 @@ const FAR_MM: f64 = 100.0;
 const CLEAR_MM: f64 = 4.0;
 /// Control points of the sigmoid and the transverse colon (number, position in an adult's mm LPS).
 const SIGMOID: [(usize, [f64; 3]); 5] = [
-    (5, [-42.0, -14.0, -62.0]),
-    (6, [-34.0, -54.0, -72.0]),
-    (7, [2.0, -74.0, -42.0]),
-    (8, [40.0, -60.0, -84.0]),
-    (9, [82.0, -10.0, -112.0]),
+    (5, [-48.0, -12.0, -54.0]),
+    (6, [-42.0, -54.0, -52.0]),
+    (7, [2.0, -74.0, -34.0]),
+    (8, [48.0, -60.0, -58.0]),
+    (9, [82.0, -14.0, -104.0]),
 ];
 const TRANSVERSE: [(usize, [f64; 3]); 3] =
-    [(18, [46.0, -70.0, 52.0]), (19, [4.0, -80.0, 4.0]), (20, [-38.0, -76.0, 34.0])];
-/// Control points that are moved until the limbs touch, and by which share; the first is the apex.
-const MOVED: [[(usize, f64); 3]; 2] = [[(7, 1.0), (6, 0.4), (8, 0.4)], [(19, 1.0), (18, 0.4), (20, 0.4)]];
+    [(18, [54.0, -66.0, 30.0]), (19, [4.0, -80.0, -2.0]), (20, [-48.0, -72.0, 18.0])];
+/// Control points that are moved until the limbs touch, and by which share.
+const MOVED: [[(usize, f64); 5]; 2] =
+    [[(7, 1.0), (6, 0.8), (8, 0.8), (5, 0.2), (9, 0.2)], [(19, 1.0), (18, 0.8), (20, 0.8), (17, 0.0), (21, 0.2)]];
+/// Control points whose radius is smaller than usual, and by which factor.
+const NARROWER: [(usize, f64); 3] = [(18, 0.88), (19, 0.82), (20, 0.88)];
 /// Control points between which the limbs touch.
 const BETWEEN: [[usize; 2]; 2] = [[5, 9], [17, 21]];
 /// Number of colons tried for a seed.
@@ -107,21 +110,23 @@ fn attempt(
     // The variation goes down to none, and so does the tilt.
     let left = 1.0 - n as f64 / (TRIES - 1) as f64;
     let mut draw = Stream::new(hash::bits(settings.seed, 0x70C + n), 120);
-    let (mut places, profile) = control_points(scale, radius, 4.0 * left, hash::bits(settings.seed, 0xA715 + n));
+    let (mut places, mut profile) = control_points(scale, radius, 4.0 * left, hash::bits(settings.seed, 0xA715 + n));
+    for (i, factor) in NARROWER {
+        profile[i].x *= factor;
+    }
     let tilted = Stream::new(settings.seed, 121).within(0.0, 1.0);
-    // For three seeds of five the septum is nearly level. For the others one limb lies beside or in front of the other one.
-    let [sideways, forwards] = match tilted {
-        t if t < 0.6 => [draw.within(-6.0, 6.0), draw.within(-3.0, 3.0)],
-        t if t < 0.8 => [draw.within(24.0, 44.0) * if t < 0.7 { -1.0 } else { 1.0 }, draw.within(-3.0, 3.0)],
-        _ => [draw.within(-6.0, 6.0), draw.within(14.0, 24.0)],
+    // For three seeds of five the septum is nearly level. For the others it leans to one side, or one limb lies before the other one.
+    let (slope, forwards) = match tilted {
+        t if t < 0.6 => (draw.within(-0.15, 0.15), draw.within(-4.0, 4.0)),
+        t if t < 0.8 => (draw.within(0.6, 1.0) * if t < 0.7 { -1.0 } else { 1.0 }, draw.within(-4.0, 4.0)),
+        _ => (draw.within(-0.15, 0.15), draw.within(26.0, 44.0)),
     };
-    let off = DVec3::new(sideways, -forwards, 0.0) * left;
-    let jitter = |i: usize, at: [f64; 3]| places[i] - centred(i, scale) + DVec3::from_array(at) * scale;
-    let moved: Vec<_> = (SIGMOID.iter().map(|&(i, at)| (i, jitter(i, at), i == 7, -0.5)))
-        .chain(TRANSVERSE.iter().map(|&(i, at)| (i, jitter(i, at), true, 0.5)))
-        .collect();
-    for (i, at, shifts, share) in moved {
-        places[i] = at + if shifts { off * share * scale } else { DVec3::ZERO };
+    let moved = (SIGMOID.iter().map(|limb| (limb, -0.7))).chain(TRANSVERSE.iter().map(|limb| (limb, 0.3)));
+    for (&(i, at), share) in moved {
+        let off = DVec3::new(0.0, -forwards * share, slope * at[0] - 0.45 * forwards.max(0.0) * (share + 0.7)) * left;
+        let fixed = i == 5 || i == 9;
+        let at = DVec3::from_array(at) + if fixed { DVec3::ZERO } else { off };
+        places[i] += at * scale - centred(i, scale);
     }
     // Move both limbs along the line between them until they are as far apart as they should be.
     for _ in 0..40 {
@@ -130,6 +135,10 @@ fn attempt(
         let wanted = s.iter().map(|&s| TO_SEPTUM * axis.profile(s).radius.0).sum::<f64>() + BENT_FOR_MM;
         let gap = between.length() - wanted;
         if gap.abs() < 0.02 {
+            let stretches = BETWEEN.map(|limb| limb.map(|i| axis.stations()[i]));
+            if settings.ileum && !bowel::leaves_room(&axis, stretches, scale) {
+                return None;
+            }
             return septum(&axis, s, settings, gap).map(|touching| (axis, touching));
         }
         let step = between.normalize() * (0.6 * gap);

@@ -1,6 +1,5 @@
 use std::f64::consts::PI;
 
-use super::profile::WALL_HU;
 use super::*;
 
 fn make(size: Size, seed: u64) -> Phantom {
@@ -36,7 +35,6 @@ fn limbs_touch_for_every_seed_and_the_septum_is_the_truths() {
         for seed in 1..=20 {
             let phantom = make(size, seed);
             let TrueSeptum { position, normal, thickness_mm, along_mm } = septum(&phantom);
-            println!("{size:?} {seed}: {position:.1} {normal:.2} {thickness_mm:.2} mm, {along_mm:.0?}");
             assert!((touching::SEPTUM_MM[0]..=touching::SEPTUM_MM[1]).contains(&thickness_mm));
             assert!((normal.length() - 1.0).abs() < 1e-9 && along_mm[1] - along_mm[0] >= 100.0);
             level += usize::from(normal.z.abs() > 0.85);
@@ -59,10 +57,13 @@ fn limbs_touch_for_every_seed_and_the_septum_is_the_truths() {
                 let on = position + normal * (sign * 0.5 * apart);
                 assert!((phantom.wall(on)).abs() < 1e-6);
             }
-            assert!(phantom.value(position) > WALL_HU + 100.0);
+            // Each side's blur reaches the other one.
+            let share = 2.0 * normal_cdf(0.5 * thickness_mm / phantom.sigma) - 1.0;
+            assert!((phantom.value(position) - mix(GAS, TISSUE, share)).abs() < 1.0, "{size:?} {seed}");
         }
     }
-    assert!((20..40).contains(&level), "{level} of 40 septa are level");
+    // Common, but not the only orientation.
+    assert!((20..=34).contains(&level), "{level} of 40 septa are level");
 }
 
 #[test]
@@ -168,7 +169,7 @@ fn labels_and_truth_know_the_septum() {
 #[test]
 fn everything_goes_together() {
     for size in [Size::Small, Size::Standard] {
-        for seed in 1..=4 {
+        for seed in 1..=10 {
             let mut settings = PhantomSettings::with_all_gas(size, seed, Position::Prone);
             (settings.touching, settings.lesions, settings.decoys, settings.films, settings.stool) =
                 (true, true, true, true, true);
@@ -176,12 +177,40 @@ fn everything_goes_together() {
             let phantom = Phantom::new(&settings);
             let s = septum(&phantom);
             assert!(through(&phantom, s.position, s.normal).is_some(), "{size:?} {seed}");
-            let colon: Vec<_> = (phantom.axis().knots().iter().enumerate())
-                .map(|(i, c)| (*c, phantom.axis().profile(i as f64 * phantom.axis().knot_step()).radius.0))
+            // The last stretch of the ileum meets the colon at the valve.
+            let (axis, spot) = (phantom.axis(), phantom.valve.map(|valve| valve.spot.at));
+            let scale = if size == Size::Small { 0.58 } else { 1.0 };
+            let colon: Vec<_> = (axis.knots().iter().enumerate())
+                .map(|(i, c)| (*c, axis.profile(i as f64 * axis.knot_step()).radius.0))
+                .filter(|(c, r)| spot.is_none_or(|spot| c.distance(spot) - r > 24.0 * scale))
                 .collect();
-            for (i, tube) in phantom.guts.tubes.iter().enumerate() {
-                println!("{size:?} {seed}: {:?} {i}: {:.1} mm", tube.kind, tube.clearance(&colon));
+            for tube in &phantom.guts.tubes {
+                let room = tube.clearance(&colon);
+                assert!(room > 2.0, "{size:?} {seed}: {:?}: {room:.1} mm", tube.kind);
             }
         }
     }
+}
+
+/// Without the part, a phantom is what it was before there was one.
+#[test]
+fn other_phantoms_have_not_changed_by_a_byte() {
+    let all = PhantomSettings {
+        bridges: true,
+        lesions: true,
+        decoys: true,
+        films: true,
+        stool: true,
+        inhomogeneous: true,
+        pseudo: true,
+        ..PhantomSettings::with_all_gas(Size::Small, 4, Position::Left)
+    };
+    let plain = PhantomSettings::default();
+    let fluid = PhantomSettings { size: Size::Small, fluid: true, seed: 2, ..plain };
+    let digests = [plain, fluid, all].map(|settings| {
+        let grid = Grid::new([61, 53, 67], DVec3::new(4.3, 3.9, 3.7), DVec3::splat(-120.0), DMat3::IDENTITY).unwrap();
+        let volume = Phantom::new(&settings).voxelise(&grid, &Progress::new()).unwrap();
+        volume.data().iter().fold(0, |sum, &hu| hash::bits(sum, u64::from(hu.cast_unsigned())))
+    });
+    assert_eq!(digests, [1_051_105_172_809_742_954, 15_443_141_261_954_302_221, 14_656_757_084_404_516_677]);
 }
