@@ -13,7 +13,7 @@ impl Phantom {
     /// Returns the grid of [`Phantom::scan`]: [`Phantom::grid`] with the scanner's slices.
     ///
     /// # Errors
-    /// Returns status 2 as of [`thick_grid`].
+    /// Returns status 2 if the scanner's slices are not finite, thinner than the grid's own, or so thick that less than two fit.
     pub fn scan_grid(&self) -> Result<Grid> {
         self.slice_mm.map_or_else(|| Ok(self.grid()), |mm| thick_grid(&self.grid(), mm))
     }
@@ -22,7 +22,7 @@ impl Phantom {
     /// [`Scanner::slice_mm`](super::Scanner::slice_mm) says.
     ///
     /// # Errors
-    /// Returns status 2 as of [`thick_grid`], or an error if cancelled through `progress`.
+    /// Returns status 2 if no slices of this thickness fit, or an error if cancelled through `progress`.
     pub fn scan(&self, progress: &Progress) -> Result<Volume> {
         match self.slice_mm {
             Some(mm) => self.slices(&self.grid(), mm, progress),
@@ -34,7 +34,7 @@ impl Phantom {
     /// over its thickness. Noise is added after averaging, so it has the same strength for any thickness.
     ///
     /// # Errors
-    /// Returns status 2 as of [`thick_grid`], or an error if cancelled through `progress`.
+    /// Returns status 2 if no slices of this thickness fit, or an error if cancelled through `progress`.
     pub fn slices(&self, fine: &Grid, slice_mm: f64, progress: &Progress) -> Result<Volume> {
         let thick = thick_grid(fine, slice_mm)?;
         if thick.dims() == fine.dims() && slice_mm - fine.spacing().z < 1e-9 {
