@@ -3,16 +3,16 @@
 use std::path::PathBuf;
 
 use crate::cli::args::{Global, PhantomArgs, PhantomFeature, PhantomPosition, PhantomSize};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::output;
-use crate::phantom::{Phantom, PhantomSettings, Position, Size};
+use crate::phantom::{NOISE_HU, Phantom, PhantomSettings, Position, Scanner, Size};
 use crate::progress::Progress;
 use crate::volume::io;
 
 /// Runs the command.
 ///
 /// # Errors
-/// Returns status 2 for an unknown ending, 4 if cancelled, 5 if an output cannot be written.
+/// Returns status 2 for an unknown ending, slices or noise that cannot be, 4 if cancelled, 5 if an output cannot be written.
 pub(crate) fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> Result<()> {
     let volumes = || std::iter::once(&args.out).chain(&args.twin).map(PathBuf::as_path);
     output::check_targets(
@@ -21,7 +21,8 @@ pub(crate) fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> R
     )?;
     volumes().chain(args.labels.as_deref()).try_for_each(io::check_ending)?;
     let has = |feature| args.with.contains(&feature);
-    let phantom = Phantom::new(&PhantomSettings {
+    let scanner = Scanner { noise_hu: noise_hu(args)?, slice_mm: args.slice, ..Scanner::default() };
+    let settings = PhantomSettings {
         size: match args.size {
             PhantomSize::Small => Size::Small,
             PhantomSize::Standard => Size::Standard,
@@ -49,19 +50,22 @@ pub(crate) fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> R
         lungs: has(PhantomFeature::Lungs),
         collapsed: has(PhantomFeature::Collapsed),
         pelvis: has(PhantomFeature::Pelvis),
+        touching: has(PhantomFeature::Touching),
+        touching_mm: None,
         noise: has(PhantomFeature::Noise),
         seed: global.seed.unwrap_or(1),
-    });
-    let volume = phantom.voxelise(&phantom.grid(), progress)?;
+    };
+    let phantom = Phantom::scanned(&settings, scanner);
+    let grid = phantom.scan_grid()?;
+    let volume = phantom.scan(progress)?;
     let truth = args.truth.as_ref().map(|path| (path, phantom.truth()));
     progress.check()?;
     io::save(&args.out, &volume, progress)?;
     drop(volume);
     if let Some(path) = &args.twin {
-        io::save(path, &phantom.twin().voxelise(&phantom.grid(), progress)?, progress)?;
+        io::save(path, &phantom.twin().scan(progress)?, progress)?;
     }
     if let Some(path) = &args.labels {
-        let grid = phantom.grid();
         io::save_mask(path, &grid, &phantom.labels(&grid, progress)?, progress)?;
     }
     match truth {
@@ -69,3 +73,19 @@ pub(crate) fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> R
         None => Ok(()),
     }
 }
+
+/// Returns the level of the noise, HU.
+fn noise_hu(args: &PhantomArgs) -> Result<f64> {
+    let Some(hu) = args.noise else { return Ok(NOISE_HU) };
+    if !args.with.contains(&PhantomFeature::Noise) {
+        return Err(Error::usage("--noise", "the part noise is missing", "add noise to --with"));
+    }
+    if !(0.0..=MOST_NOISE_HU).contains(&hu) {
+        let why = format!("{hu} HU is no level of noise");
+        return Err(Error::usage("--noise", why, format!("give a number from 0 to {MOST_NOISE_HU}")));
+    }
+    Ok(hu)
+}
+
+/// Largest level of the noise, HU.
+const MOST_NOISE_HU: f64 = 500.0;

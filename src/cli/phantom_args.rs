@@ -22,6 +22,12 @@ pub struct PhantomArgs {
     /// The patient's position: fluid runs to the side that is down
     #[arg(long, value_enum, default_value = "supine")]
     pub position: PhantomPosition,
+    /// Thickness of the slices, mm: each is the mean of the HU over it. Noise is added afterwards
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub slice: Option<f64>,
+    /// Standard deviation of the noise of the scan written, HU [default: 22]
+    #[arg(long, value_name = "HU", allow_negative_numbers = true)]
+    pub noise: Option<f64>,
     /// Write what each voxel is in: 0 nothing, 1 colon, 2 small bowel, 3 stomach, 4 lung, 5 outside air
     #[arg(long, value_name = "F.nii.gz")]
     pub labels: Option<PathBuf>,
@@ -78,6 +84,8 @@ pub enum PhantomFeature {
     Collapsed,
     /// Pelvic bones.
     Pelvis,
+    /// Two limbs of the colon that share a thin wall.
+    Touching,
     /// Scanner noise.
     Noise,
 }

@@ -10,6 +10,7 @@ use super::ground::{Ground, Spot};
 use super::gut::{Gut, Guts, Ridges};
 use super::shape::Shape;
 use super::solid::Plate;
+use super::spline::{Beyond, b_spline};
 
 /// Least tissue between small bowel and colon, and between two loops of small bowel, mm.
 pub(crate) const APART_MM: f64 = 4.5;
@@ -36,6 +37,9 @@ const ILEUM: [([f64; 3], f64); 18] = [
     ([74.0, 22.0, 48.0], 10.0),
     ([46.0, 24.0, 60.0], 9.5),
 ];
+
+/// Least radius of the ileum beside the colon, an adult's, mm.
+const LEAST_RADIUS: f64 = 5.0;
 
 /// Middles of detached loops of jejunum in an adult's mm LPS.
 const JEJUNUM: [[f64; 3]; 6] = [
@@ -110,6 +114,18 @@ pub(crate) fn place(scale: f64, valve: &Valve, colon: &[(DVec3, f64)], seed: u64
     Guts { tubes, passage: valve.slit }
 }
 
+/// Returns true if an ileum of least width, in a body of `scale` (1 is an adult), fits beside a colon's `stretches` (arc lengths, mm).
+pub(crate) fn leaves_room(axis: &Centerline, stretches: [[f64; 2]; 2], scale: f64) -> bool {
+    let ileum: Vec<DVec3> = ILEUM.iter().map(|(at, _)| DVec3::from_array(*at) * scale).collect();
+    let places = (4..=4 * (ileum.len() - 1)).map(|i| b_spline(&ileum, 0.25 * i as f64, Beyond::PointReflection));
+    let colon: Vec<_> = (stretches.iter())
+        .flat_map(|[from, to]| (0..=40).map(move |i| from + (to - from) * f64::from(i) / 40.0))
+        .map(|s| (axis.at(s), axis.profile(s).radius.0))
+        .collect();
+    let least = LEAST_RADIUS * scale + APART_MM;
+    places.into_iter().all(|p| colon.iter().all(|(c, r)| c.distance(p) - r >= least))
+}
+
 /// Returns the ileum. Its axis ends behind the valve, and it is narrower where the colon is near.
 fn ileum(
     scale: f64,
@@ -132,7 +148,7 @@ fn ileum(
     }
     for (at, radius) in &mut all[2..] {
         let room = colon.iter().map(|(c, r)| c.distance(*at) - r).fold(f64::INFINITY, f64::min);
-        *radius = radius.min((room - APART_MM - 0.5).max(5.0 * scale));
+        *radius = radius.min((room - APART_MM - 0.5).max(LEAST_RADIUS * scale));
     }
     all.reverse();
     let places: Vec<DVec3> = all.iter().map(|a| a.0).collect();

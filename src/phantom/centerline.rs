@@ -144,13 +144,7 @@ impl Centerline {
     /// Creates the axis of an anatomy of `scale` (1 is an adult). `radius` maps an adult's radius to this anatomy's.
     /// Control points move at random by up to `jitter` mm (in the adult).
     pub(crate) fn new(scale: f64, radius: impl Fn(f64) -> f64, jitter: f64, seed: u64) -> Self {
-        let draw = |i: usize, k: u64| 2.0 * hash::uniform(seed, 16 * i as u64 + k) - 1.0;
-        let places: Vec<DVec3> = (STATIONS.iter().enumerate())
-            .map(|(i, s)| (DVec3::from_array(s.at) + jitter * DVec3::new(draw(i, 0), draw(i, 1), draw(i, 2))) * scale)
-            .collect();
-        let profile: Vec<DVec3> = (STATIONS.iter().enumerate())
-            .map(|(i, s)| DVec3::new(radius(s.radius) * (1.0 + 0.008 * jitter * draw(i, 3)), s.triangle, s.spacing))
-            .collect();
+        let (places, profile) = control_points(scale, radius, jitter, seed);
         Self::through(&places, &profile)
     }
 
@@ -233,6 +227,11 @@ impl Centerline {
         foot.offset.dot(foot.tangent.cross(normal)).atan2(foot.offset.dot(normal))
     }
 
+    /// Returns the point at s, world mm.
+    pub(crate) fn at(&self, s: f64) -> DVec3 {
+        self.curve.jet(s).at
+    }
+
     /// Returns the frame at s.
     #[inline]
     pub fn frame(&self, s: f64) -> Frame {
@@ -302,6 +301,23 @@ impl Centerline {
         let stretch = (j.d1.length_squared() - offset.dot(j.d2)).max(0.2);
         FootPoint { s, offset, rho: offset.length(), tangent: j.d1.normalize(), stretch }
     }
+}
+
+/// Returns the control points of [`Centerline::new`] and their profile, for [`Centerline::through`].
+pub(crate) fn control_points(
+    scale: f64,
+    radius: impl Fn(f64) -> f64,
+    jitter: f64,
+    seed: u64,
+) -> (Vec<DVec3>, Vec<DVec3>) {
+    let draw = |i: usize, k: u64| 2.0 * hash::uniform(seed, 16 * i as u64 + k) - 1.0;
+    let places = (STATIONS.iter().enumerate())
+        .map(|(i, s)| (DVec3::from_array(s.at) + jitter * DVec3::new(draw(i, 0), draw(i, 1), draw(i, 2))) * scale)
+        .collect();
+    let profile = (STATIONS.iter().enumerate())
+        .map(|(i, s)| DVec3::new(radius(s.radius) * (1.0 + 0.008 * jitter * draw(i, 3)), s.triangle, s.spacing))
+        .collect();
+    (places, profile)
 }
 
 /// Transports normals along the curve without rotation, by the double reflection method (Wang, Jüttler, Zheng, Liu

@@ -3,6 +3,7 @@
 use super::centerline::Centerline;
 use super::features::Stream;
 use super::shape::Shape;
+use super::touching::Touching;
 
 /// How far the walls overlap within a stretch, mm, so that no blur reaches through.
 const OVERLAP_MM: f64 = 2.2;
@@ -69,7 +70,10 @@ pub(crate) fn place(axis: &Centerline, seed: u64) -> Vec<Collapse> {
 
 /// Closes the lumen where [`place`] says, and takes away the polyps and strands that would be there.
 pub(crate) fn close(shape: &mut Shape, seed: u64) {
-    let collapsed = place(&shape.axis, seed);
+    let mut collapsed = place(&shape.axis, seed);
+    // Limbs that touch are open.
+    let touching: Vec<_> = shape.touching.iter().flat_map(Touching::stretches).collect();
+    collapsed.retain(|c| touching.iter().all(|[from, to]| c.from - c.taper > *to || c.to + c.taper < *from));
     let free = |s: f64| collapsed.iter().all(|c| !(c.from - c.taper..=c.to + c.taper).contains(&s));
     shape.polyps.retain(|p| free(p.s));
     shape.bridges.retain(|b| free(b.s));

@@ -36,8 +36,8 @@ pub(crate) fn shape(axis: Centerline, settings: &PhantomSettings) -> Shape {
     let taenia = Stream::new(seed, 0).within(0.0, TAU);
     let rows = [0, 1, 2].map(|row| constrictions(&axis, seed, row));
     let (folds, polyps, bridges, lesions) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    let collapsed = Vec::new();
-    let mut shape = Shape { axis, taenia, rows, folds, polyps, bridges, lesions, decoys: Vec::new(), collapsed };
+    let (decoys, collapsed, touching) = (Vec::new(), Vec::new(), Vec::new());
+    let mut shape = Shape { axis, taenia, rows, folds, polyps, bridges, lesions, decoys, collapsed, touching };
     if settings.folds {
         shape.folds = place_folds(&shape, seed);
     }

@@ -122,8 +122,18 @@ fn flat_wall() -> (Shape, DVec3, DVec3, f64) {
     let end = axis.length();
     let rows = [0, 1, 2].map(|_| vec![0.0, end]);
     let (folds, polyps, bridges, lesions) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    let shape =
-        Shape { axis, taenia: 0.0, rows, folds, polyps, bridges, lesions, decoys: Vec::new(), collapsed: Vec::new() };
+    let shape = Shape {
+        axis,
+        taenia: 0.0,
+        rows,
+        folds,
+        polyps,
+        bridges,
+        lesions,
+        decoys: Vec::new(),
+        collapsed: Vec::new(),
+        touching: Vec::new(),
+    };
     let (at, up, s) = {
         let spot = Ground::new(&shape).spot(0.4 * end, PI / 3.0).unwrap();
         (spot.at, spot.up, spot.s)

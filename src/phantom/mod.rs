@@ -36,6 +36,10 @@ mod stomach;
 mod tag;
 #[cfg(test)]
 mod tests;
+mod thick;
+mod touching;
+#[cfg(test)]
+mod touching_tests;
 mod truth;
 mod voxelise;
 
@@ -55,6 +59,7 @@ use profile::{FAT, FLUID, GAS, TISSUE, mix, normal_cdf, sheet_share, smooth_min,
 use room::{grow, has_room};
 use shape::{Attached, DEEP, Distances, Shape};
 use tag::{Kinds, Seen, Tag};
+use touching::Touching;
 
 pub use bodies::{BodyKind, NamedPart, TrueBody, TrueValve};
 pub use centerline::{Centerline, Frame};
@@ -64,10 +69,14 @@ pub use lesions::{PolypShape, PolypSite};
 pub use settings::{NOISE_HU, PhantomSettings, Position, Scanner, Size};
 pub use shape::Polyp;
 pub use tag::Beside;
+pub use touching::TrueSeptum;
 pub use truth::{TruePolyp, Truth};
 
 /// Distance within which two loops' walls blend, mm; smaller than the tissue between them.
 const LOOP_BLEND: f64 = 2.0;
+
+/// Standard deviations of the blur beyond which it does not reach.
+const BLUR_REACH: f64 = 6.0;
 
 /// The wall near a position.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,6 +106,7 @@ pub struct Phantom {
     reach: Vec<f64>,
     sigma: f64,
     noise_hu: f64,
+    slice_mm: Option<f64>,
     noise_seed: u64,
 }
 
@@ -112,11 +122,15 @@ impl Phantom {
         let scale = if small { 0.58 } else { 1.0 };
         let radius = |r: f64| if small { 4.5 + 0.48 * r } else { r };
         // If a seed's loops come too close, reduce the variation; the anatomy without variation always has room.
-        let axis = [4.0, 3.0, 2.0, 1.0]
-            .into_iter()
-            .map(|jitter| Centerline::new(scale, radius, jitter, hash::bits(settings.seed, 0xA715)))
-            .find(has_room)
-            .unwrap_or_else(|| Centerline::new(scale, radius, 0.0, 0));
+        let usual = || {
+            [4.0, 3.0, 2.0, 1.0]
+                .into_iter()
+                .map(|jitter| Centerline::new(scale, radius, jitter, hash::bits(settings.seed, 0xA715)))
+                .find(has_room)
+                .unwrap_or_else(|| Centerline::new(scale, radius, 0.0, 0))
+        };
+        let bent = if settings.touching { touching::axis(scale, radius, settings) } else { None };
+        let (axis, septum) = bent.map_or_else(|| (usual(), None), |(axis, septum)| (axis, Some(septum)));
         let mut shape = features::shape(axis, settings);
         // About 0.65 of a voxel.
         let sigma = scanner.blur_mm.unwrap_or(match settings.size {
@@ -125,6 +139,8 @@ impl Phantom {
             Size::Large => 0.26,
         });
         let (seed, down) = (settings.seed, settings.position.down());
+        shape.touching.extend(septum.map(|septum| septum.blurred(sigma)));
+        touching::clear(&mut shape);
         if settings.collapsed {
             collapse::close(&mut shape, seed);
         }
@@ -140,6 +156,7 @@ impl Phantom {
                 let mut draw = Stream::new(seed, 32);
                 pools = features::pools(&shape, down, || 0.25 + 0.65 * draw.within(0.0, 1.0).powi(2));
                 features::submerge(&mut shape, &pools, down, sigma, seed);
+                touching::clear(&mut shape);
                 if settings.collapsed {
                     collapse::close(&mut shape, seed);
                 }
@@ -147,6 +164,7 @@ impl Phantom {
             let PhantomSettings { films, stool, inhomogeneous, pseudo, position, .. } = *settings;
             let mut own = Tag::new(&shape, &pools, Kinds { films, stool, inhomogeneous, pseudo }, position, seed);
             own.keep_off(&shape.collapsed.iter().map(|c| [c.from, c.to]).collect::<Vec<_>>());
+            own.keep_off(&shape.touching.iter().flat_map(Touching::stretches).collect::<Vec<_>>());
             if let Some(hu) = scanner.tag_hu {
                 own.set_hu(hu);
             }
@@ -174,6 +192,7 @@ impl Phantom {
             reach,
             sigma,
             noise_hu: scanner.noise_hu,
+            slice_mm: scanner.slice_mm,
             noise_seed,
         }
     }
@@ -309,6 +328,9 @@ impl Phantom {
     /// Returns a position's distances and the arc length of the loop that it is deepest in, given the relevant runs of
     /// knots. Where two loops are close, a smooth minimum joins their lumens, which does not move either wall.
     fn distances_among(&self, p: DVec3, runs: &[Range<usize>]) -> (Distances, f64) {
+        if !self.shape.touching.is_empty() {
+            return self.sides(p, runs).0;
+        }
         let mut all = Distances { wall: DEEP, plain: DEEP, normal: DVec3::ZERO, thickness: f64::INFINITY };
         let (mut deepest, mut s) = (f64::INFINITY, 0.0);
         for run in runs {
@@ -325,22 +347,48 @@ impl Phantom {
         (all, s)
     }
 
+    /// Does the same as [`Phantom::distances_among`] in a colon with septa, which no smooth minimum may make thinner. If the loop
+    /// that the position is second deepest in is so close that its blur reaches the position, its distances and arc length follow,
+    /// and the thickness is that of the tissue between the two.
+    fn sides(&self, p: DVec3, runs: &[Range<usize>]) -> ((Distances, f64), Option<(Distances, f64)>) {
+        let none = Distances { wall: DEEP, plain: DEEP, normal: DVec3::ZERO, thickness: f64::INFINITY };
+        let (mut first, mut second) = ((none, 0.0), (none, 0.0));
+        for run in runs {
+            self.shape.axis.feet(p, run.clone(), &self.reach, |foot| {
+                let side = (self.shape.distances(p, &foot), foot.s);
+                if side.0.wall < first.0.wall {
+                    (first, second) = (side, first);
+                } else if side.0.wall < second.0.wall {
+                    second = side;
+                }
+            });
+        }
+        let near = (second.0.wall < BLUR_REACH * self.sigma).then_some(second);
+        first.0.plain = first.0.plain.min(second.0.plain);
+        if let Some((other, _)) = near {
+            first.0.thickness = first.0.thickness.min(first.0.wall + other.wall);
+        }
+        (first, near)
+    }
+
     /// Returns the value at a position, given the relevant runs of knots and the body's value there.
     fn value_among(&self, p: DVec3, runs: &[Range<usize>], guts: &[Run], body: impl Fn(DVec3) -> f64) -> f64 {
-        let (d, s) = self.distances_among(p, runs);
+        let ((d, s), other) =
+            if self.shape.touching.is_empty() { (self.distances_among(p, runs), None) } else { self.sides(p, runs) };
         let tissue = if d.thickness.is_finite() {
             sheet_share(d.wall, d.thickness, self.sigma)
         } else {
             tissue_share(d.wall, self.sigma)
         };
-        let seen = self.tag.as_ref().map(|t| t.seen(p, s, &d, self.sigma));
-        let inside = match seen {
-            _ if tissue >= 1.0 => GAS,
-            Some(Seen { tag, hu, .. }) => mix(GAS, hu, tag),
-            None => self.content(p, s),
-        };
-        let enclosed = || self.shape.decoys_near(s).map(|d| d.enclosed_gas(p)).fold(0.0, f64::max);
-        let inside = if inside > GAS { mix(inside, GAS, enclosed()) } else { inside };
+        let (mut inside, mut pseudo_hu) = self.inside(p, s, &d, tissue);
+        if let Some((other, s)) = other {
+            // Beside a septum, the blur mixes what is in both lumens.
+            let (beyond, pseudo) = self.inside(p, s, &other, tissue);
+            let share = |d: f64| 1.0 - tissue_share(d, self.sigma);
+            let (own, beyond_share) = (share(d.wall), share(other.wall));
+            inside = mix(inside, beyond, beyond_share / (own + beyond_share).max(1e-30));
+            pseudo_hu = pseudo_hu.max(pseudo);
+        }
         let gut = if guts.is_empty() { None } else { self.guts.inside(p, guts) };
         if tissue <= 0.0 && gut.is_none() {
             return inside;
@@ -355,11 +403,25 @@ impl Phantom {
         } else {
             solid
         };
-        let outside = outside + seen.map_or(0.0, |s| s.pseudo_hu);
+        let outside = outside + pseudo_hu;
         match gut {
             Some(gut) => self.beside_gut(p, &gut, &d, [inside, outside], tissue),
             None => mix(inside, outside, tissue),
         }
+    }
+
+    /// Returns the value of the lumen's content at a position with arc length `s`, distances `d` and this share of tissue, and by how
+    /// much the tissue beside it appears brighter, HU.
+    fn inside(&self, p: DVec3, s: f64, d: &Distances, tissue: f64) -> (f64, f64) {
+        let seen = self.tag.as_ref().map(|t| t.seen(p, s, d, self.sigma));
+        let inside = match seen {
+            _ if tissue >= 1.0 => GAS,
+            Some(Seen { tag, hu, .. }) => mix(GAS, hu, tag),
+            None => self.content(p, s),
+        };
+        let enclosed = || self.shape.decoys_near(s).map(|d| d.enclosed_gas(p)).fold(0.0, f64::max);
+        let inside = if inside > GAS { mix(inside, GAS, enclosed()) } else { inside };
+        (inside, seen.map_or(0.0, |s| s.pseudo_hu))
     }
 
     /// Returns the value of gas, or of fluid below the level of the pool at arc length `s`.

@@ -52,13 +52,15 @@ pub struct Scanner {
     pub blur_mm: Option<f64>,
     /// Standard deviation of the noise, HU, if the settings enable it.
     pub noise_hu: f64,
+    /// Thickness of the slices of [`Phantom::scan`](super::Phantom::scan), mm; `None` for the spacing of the phantom's grid.
+    pub slice_mm: Option<f64>,
     /// HU of all tag, about which inhomogeneous tag varies; `None` as placed: 450, or from 200 to 1200 if inhomogeneous.
     pub tag_hu: Option<f64>,
 }
 
 impl Default for Scanner {
     fn default() -> Self {
-        Self { blur_mm: None, noise_hu: NOISE_HU, tag_hu: None }
+        Self { blur_mm: None, noise_hu: NOISE_HU, slice_mm: None, tag_hu: None }
     }
 }
 
@@ -73,7 +75,7 @@ impl Default for Scanner {
 /// assert!(phantom.value(inside) < -900.0, "gas, HU");
 /// assert!(truth.length_mm > 500.0 && !truth.polyps.is_empty());
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhantomSettings {
     /// Size of the phantom.
     pub size: Size,
@@ -111,6 +113,11 @@ pub struct PhantomSettings {
     pub collapsed: bool,
     /// Pelvic bones.
     pub pelvis: bool,
+    /// Two limbs of the colon that share a wall: a septum of 0.4 to 1.5 mm, drawn from the seed, lies between their lumens.
+    pub touching: bool,
+    /// Thickness of that septum, mm, instead of the drawn one; from 0.2 to 3, to which it is clamped. The colon's axis does not
+    /// depend on it.
+    pub touching_mm: Option<f64>,
     /// Voxel noise of [`NOISE_HU`].
     pub noise: bool,
     /// Seed of the anatomy. Each seed gives a different colon.
@@ -162,6 +169,8 @@ impl Default for PhantomSettings {
             lungs: false,
             collapsed: false,
             pelvis: false,
+            touching: false,
+            touching_mm: None,
             noise: true,
             seed: 1,
         }

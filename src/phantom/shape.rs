@@ -14,6 +14,7 @@ use super::decoys::Decoy;
 use super::lesions::Lesion;
 use super::profile::smooth_step;
 use super::solid::Surface;
+use super::touching::Touching;
 
 /// Saturation of distances in the lumen, mm. Nothing depends on a wall farther away, so features beyond it are skipped.
 pub(crate) const REACH: f64 = 8.0;
@@ -119,6 +120,8 @@ pub(crate) struct Shape {
     pub decoys: Vec<Decoy>,
     /// Stretches where the lumen is closed.
     pub collapsed: Vec<Collapse>,
+    /// Septa between limbs that touch.
+    pub touching: Vec<Touching>,
 }
 
 /// A radius with its partial derivatives in arc length and angle.
@@ -223,7 +226,13 @@ impl Shape {
         let outward = foot.offset / foot.rho.max(1e-9);
         let here = Here { foot, phi, arm, outward, along: foot.tangent, around: foot.tangent.cross(outward) };
         let normal = (outward - here.along * by_s - here.around * by_phi) / steep;
-        (here, plain, normal)
+        if self.touching.is_empty() {
+            return (here, plain, normal);
+        }
+        let p = || self.axis.at(foot.s) + foot.offset;
+        let wall = Surface { d: plain, normal };
+        let Surface { d, normal } = self.touching.iter().fold(wall, |wall, septum| septum.flatten(wall, foot.s, p));
+        (here, d, normal)
     }
 
     /// Returns the surface of the plain wall with everything that grows on it, and the thickness of a thin fold.
@@ -382,6 +391,7 @@ mod tests {
             lesions: Vec::new(),
             decoys: Vec::new(),
             collapsed: Vec::new(),
+            touching: Vec::new(),
         };
         for (s, phi) in [(3.0, 1.0), (100.0, 0.31), (432.1, 2.2), (800.0, -2.0), (end - 5.0, 0.7)] {
             let (r, h) = (shape.plain(s, &shape.axis.profile(s), phi), 1e-5);

@@ -22,6 +22,8 @@ const TAGGED: PhantomSettings = PhantomSettings {
     lungs: false,
     collapsed: false,
     pelvis: false,
+    touching: false,
+    touching_mm: None,
     noise: false,
     seed: 1,
 };

@@ -9,6 +9,7 @@ use super::decoys::TrueDecoy;
 use super::lesions::{PolypShape, PolypSite};
 use super::profile::WALL_HU;
 use super::shape::DEEP;
+use super::touching::{Touching, TrueSeptum};
 use super::{Phantom, Position};
 
 /// The ground truth of a phantom.
@@ -40,6 +41,9 @@ pub struct Truth {
     /// Arc lengths between which the colon is collapsed, mm from the rectal end.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub collapsed: Vec<[f64; 2]>,
+    /// The septa between limbs of the colon that touch.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub touching: Vec<TrueSeptum>,
     /// The ileocecal valve, if there is small bowel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub valve: Option<TrueValve>,
@@ -88,6 +92,7 @@ impl Phantom {
             position: self.settings.position,
             bodies: self.bodies(),
             collapsed: self.collapsed(),
+            touching: self.shape.touching.iter().map(Touching::truth).collect(),
             valve: self.valve(),
             wall_hu: WALL_HU as i32,
         }

@@ -81,7 +81,7 @@ impl Phantom {
     }
 
     /// Returns a voxel's noise, HU.
-    fn noise(&self, index: u64) -> f64 {
+    pub(super) fn noise(&self, index: u64) -> f64 {
         if self.settings.noise { self.noise_hu * hash::normal(self.noise_seed, index) } else { 0.0 }
     }
 }
@@ -99,6 +99,6 @@ pub(crate) fn reach_of(grid: &Grid, half: DVec3) -> f64 {
 
 /// Rounds a value well within the range to the nearest whole HU, halves upwards. A cast truncates towards zero, so the
 /// value is made positive first. (A plain `round` would call the mathematics library for every voxel.)
-fn round(hu: f64) -> i16 {
+pub(crate) fn round(hu: f64) -> i16 {
     ((hu + 32_768.5) as i32 - 32_768) as i16
 }

@@ -140,6 +140,31 @@ fn a_phantom_with_tag_and_its_twin() {
     run(&[&args[..], &[&at("v.nii.gz"), "--twin", &at("none/twin.nii")]].concat(), 5);
 }
 
+/// Thick slices, and limbs that touch. The truth does not depend on the slices.
+#[test]
+fn a_phantom_in_thick_slices() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let out = at("v.nii.gz");
+    let args = ["phantom", "--size", "small", "--with", "folds,touching,noise", "--out", &out];
+    run(
+        &[&args[..], &["--slice", "3", "--noise", "40", "--truth", &at("t.json"), "--labels", &at("l.nii.gz")]]
+            .concat(),
+        0,
+    );
+    let load = |name: &str| io::load(at(name).as_ref(), &LoadOptions::default(), &Progress::new()).unwrap().volume;
+    let (volume, labels) = (load("v.nii.gz"), load("l.nii.gz"));
+    assert_eq!((volume.grid().dims(), volume.grid()), ([230, 186, 81], labels.grid()));
+    assert!((volume.grid().spacing().z - 3.0).abs() < 1e-6);
+    let truth: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(at("t.json")).unwrap()).unwrap();
+    assert!(truth["touching"][0]["thickness_mm"].as_f64().unwrap() >= 0.4);
+    let refused = ["0.5", "0", "-3", "nan", "inf", "1e9"].map(|mm| ["--slice", mm]);
+    for extra in refused.iter().chain(&[["--noise", "-1"], ["--noise", "nan"], ["--noise", "1e9"]]) {
+        run(&[&args[..], extra].concat(), 2);
+    }
+    run(&["phantom", "--size", "small", "--with", "folds", "--noise", "30", "--out", &out], 2);
+}
+
 #[test]
 fn a_render_of_two_poses_and_their_depth() {
     let dir = tempfile::tempdir().unwrap();

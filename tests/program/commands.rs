@@ -20,7 +20,7 @@ const COMMANDS: [(&str, &str); 20] = [
     ("segment", "--out --stats --labels --from"),
     ("surface", "--mask --out --stats --from"),
     ("centerline", "--mask --out --method --from --to --stats"),
-    ("phantom", "--out --truth --size --with --position --labels --twin"),
+    ("phantom", "--out --truth --size --with --position --labels --twin --slice --noise"),
     ("info", ""),
     ("explain", "--json --guide --from --scene --coverage"),
     ("plane", "--headless --out"),
@@ -50,7 +50,7 @@ const VALUES: [(&[&str], &str); 13] = [
     (&["phantom", "--position"], "supine prone left right"),
     (
         &["phantom", "--with"],
-        "folds polyps fluid bridges noise pools films stool inhomogeneous pseudo lesions decoys ileum stomach lungs collapsed pelvis",
+        "folds polyps fluid bridges noise pools films stool inhomogeneous pseudo lesions decoys ileum stomach lungs collapsed pelvis touching",
     ),
     (&["report"], "render gradients scenes dynamics fields perforation cleansing coverage candidates all !unfold"),
 ];
