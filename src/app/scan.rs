@@ -313,7 +313,8 @@ impl Scan {
     /// # Errors
     /// Returns status 4 if there is no colon to fly, a point is outside the lumen, or the lumen is too narrow.
     pub fn plan(&mut self, request: &FlightRequest, radius_mm: f64) -> Result<Plan> {
-        let (volume, lumen) = (self.volume.clone(), self.lumen()?);
+        let lumen = self.lumen()?;
+        let volume = self.volume.clone();
         self.plan_in(&volume, &lumen, request, radius_mm)
     }
 
@@ -343,7 +344,11 @@ impl Scan {
             None => {
                 let flown = match scene.needs().fluid_as_gas {
                     true => self.without_tag()?,
-                    false => (self.volume.clone(), self.lumen()?, self.cleansed.clone()),
+                    false => {
+                        // The lumen first: it may close septa in the volume.
+                        let lumen = self.lumen()?;
+                        (self.volume.clone(), lumen, self.cleansed.clone())
+                    }
                 };
                 let plan = self.plan_in(&flown.0, &flown.1, request, scene.body.radius_mm)?;
                 (flown, plan)

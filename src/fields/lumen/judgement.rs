@@ -39,7 +39,7 @@ pub(super) fn lumen(volume: &Volume, core: Core, told: &[Told], frame: Frame, pr
         true => graph.labelled(grid, &core.rows, |n| graph.nodes[n as usize].label, progress)?,
         false => core.rows,
     };
-    let core = Core { rows, count: former.len(), septa: core.septa };
+    let core = Core { rows, count: former.len(), septa: core.septa, hiding: core.hiding };
     let mut bodies = Bodies::of(volume, core, &graph, frame, progress)?;
     let Some(landmarks) = landmarks else { return Ok(bodies.into_lumen(volume, frame, None)) };
     let considered = considered(volume, &bodies, told, &landmarks);

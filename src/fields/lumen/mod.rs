@@ -195,13 +195,15 @@ struct Core {
     count: usize,
     /// Voxels of septa that were taken out of them, linear indices, ascending.
     septa: Vec<usize>,
+    hiding: septa::Hiding,
 }
 
 /// Takes the septa out through which the cores labelled 0 to `count` − 1 leak. What is parted from a core and smaller than a bubble is dropped.
 fn parted(volume: &Volume, core: Rows, count: usize, progress: &Progress) -> Result<Core> {
-    let septa = septa::leaks(volume, &core, progress)?;
+    let hiding = septa::Hiding::of(volume, &core);
+    let septa = septa::leaks(volume, &core, hiding, progress)?;
     if septa.is_empty() {
-        return Ok(Core { rows: core, count, septa });
+        return Ok(Core { rows: core, count, septa, hiding });
     }
     let mut rows = septa::without(&core, &septa);
     drop(core);
@@ -213,7 +215,7 @@ fn parted(volume: &Volume, core: Rows, count: usize, progress: &Progress) -> Res
     kept.sort_by_key(|&p| (std::cmp::Reverse(voxels[p as usize]), p));
     let mut place = vec![None; pieces];
     kept.iter().enumerate().for_each(|(n, &p)| place[p as usize] = Some(n as u32));
-    Ok(Core { rows: rows.select(|p| place[p as usize]), count: kept.len(), septa })
+    Ok(Core { rows: rows.select(|p| place[p as usize]), count: kept.len(), septa, hiding })
 }
 
 /// Builds a lumen from its cores.
@@ -240,9 +242,9 @@ struct Bodies {
 impl Bodies {
     /// Measures the bodies of the cores, which made `graph`.
     fn of(volume: &Volume, core: Core, graph: &Graph, frame: Frame, progress: &Progress) -> Result<Self> {
-        let Core { rows: core, count, septa: leaks } = core;
+        let Core { rows: core, count, septa: leaks, hiding } = core;
         let grid = volume.grid();
-        let grown = septa::Grown::of(volume, &core, graph, progress)?;
+        let grown = septa::Grown::of(volume, &core, graph, hiding.far_mm(), progress)?;
         drop(core);
         let gas = grown.gas(graph);
         let (found, fluid) = rayon::join(

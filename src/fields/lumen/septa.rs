@@ -19,14 +19,16 @@ use super::choose::BUBBLE_ML;
 use super::fluid::Fluid;
 use super::graph::Graph;
 use super::grow::grow;
-use super::runs::{Rows, Run, touching};
+use super::runs::{Rows, Run, near, touching};
 use super::{GAS_HU, GROWTH};
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
 
-/// Two parts of the gas are far apart if the way between them through the core is longer than this, mm, counted along the axes.
+/// Two parts of the gas are far apart if the way between them through the core is longer than this, mm, counted along the axes …
 const FAR_MM: f64 = 40.0;
+/// … or than this in a scan that may hide septa. Beside a sharp bend the way round the septum's edge is short.
+const FAR_IF_HIDDEN_MM: f64 = 24.0;
 /// Voxels longer than this may hide a septum, mm …
 const THICK_MM: f64 = 1.25;
 /// … and so may noise of this standard deviation, HU.
@@ -39,6 +41,8 @@ const RIDGE_SIGMAS: f64 = 3.5;
 const SIDES: usize = 2;
 /// The value of gas, HU.
 const GAS_LEVEL_HU: i16 = -1000;
+/// Tissue darker than this is dim, HU: a gap of the wall may be beside it.
+const DIM_HU: i16 = -200;
 /// Two pieces of gas that touch in an area of at least this are parted by a septum, mm²: as wide an opening would show gas in its
 /// middle.
 const SEPTUM_MM2: f64 = 20.0;
@@ -60,11 +64,13 @@ struct Hop {
 }
 
 impl Grown {
-    /// Grows the core, whose runs made `graph`, to the wall's middle.
-    pub(crate) fn of(volume: &Volume, core: &Rows, graph: &Graph, progress: &Progress) -> Result<Self> {
+    /// Grows the core, whose runs made `graph`, to the wall's middle. Parts are far apart if the way between them through the core is
+    /// longer than `far_mm`, counted along the axes.
+    pub(crate) fn of(volume: &Volume, core: &Rows, graph: &Graph, far_mm: f64, progress: &Progress) -> Result<Self> {
         let parts = graph.labelled(volume.grid(), core, |node| node, progress)?;
         let parts = grow(volume, parts, GAS_HU, GROWTH, progress)?;
-        Ok(Self { parts, hops: hops(graph), far: graph.far_hops(volume.grid(), FAR_MM) })
+        let far = graph.far_hops(volume.grid(), far_mm);
+        Ok(Self { parts, hops: hops(graph), far })
     }
 
     /// Returns the gas, labelled as the nodes of `graph` are.
@@ -107,6 +113,7 @@ impl Grown {
                         }
                     });
                 }
+                self.across_corners(volume, [j, k], &mut sure);
                 if let Some((fluid, levels)) = &fluid {
                     self.beside_fluid(grid, fluid, levels, [j, k], &mut sure);
                 }
@@ -121,6 +128,43 @@ impl Grown {
         septa.sort_unstable();
         septa.dedup();
         Ok(septa)
+    }
+
+    /// Adds the dim voxels around the edges and corners where a voxel of row (j, k) meets one that is far away, of this row or of those
+    /// before. Values between voxels are interpolated, and the wall would have a gap there.
+    fn across_corners(&self, volume: &Volume, [j, k]: [usize; 2], out: &mut Vec<usize>) {
+        let [nx, ny, _] = self.parts.dims();
+        let grid = volume.grid();
+        let own = self.parts.row(j, k);
+        let rows = [(-1i64, 0i64), (0, -1), (-1, -1), (1, -1)];
+        for (dj, dk) in rows {
+            let (oj, ok) = (j as i64 + dj, k as i64 + dk);
+            if oj < 0 || ok < 0 || oj >= ny as i64 {
+                continue;
+            }
+            let (oj, ok) = (oj as usize, ok as usize);
+            let other = self.parts.row(oj, ok);
+            near(other, own, 1, |a, b| {
+                let (x, y) = (other[a], own[b]);
+                if self.between(x, y) != Between::Far {
+                    return;
+                }
+                let around = y.start.saturating_sub(1).max(x.start)..(y.end + 1).min(x.end);
+                for p in around {
+                    for q in p.saturating_sub(1).max(y.start)..(p + 2).min(y.end) {
+                        let xs = p.min(q) as usize..(p.max(q) as usize + 1).min(nx);
+                        for (i, j, k) in
+                            xs.flat_map(|i| [j, oj].into_iter().flat_map(move |j| [k, ok].map(move |k| (i, j, k))))
+                        {
+                            let v = grid.index(i, j, k);
+                            if (GAS_HU + 1..DIM_HU).contains(&volume.data()[v]) {
+                                out.push(v);
+                            }
+                        }
+                    }
+                }
+            });
+        }
     }
 
     fn between(&self, a: Run, b: Run) -> Between {
@@ -304,14 +348,34 @@ fn hops(graph: &Graph) -> Vec<Hop> {
     hops
 }
 
-/// Returns the septa through which the core leaks, linear indices, ascending, if the scan's slices are so thick or its noise so
-/// strong that it may.
-pub(super) fn leaks(volume: &Volume, core: &Rows, progress: &Progress) -> Result<Vec<usize>> {
-    let noise = noise_hu(volume, core);
-    let grid = volume.grid();
-    if grid.spacing().max_element() < THICK_MM && noise < NOISY_HU {
+/// What the septa of a scan may be hidden in.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Hiding {
+    /// Standard deviation of the noise in the gas, HU.
+    noise_hu: f64,
+    /// True if slices are so thick or noise is so strong that septa may be hidden.
+    is_likely: bool,
+}
+
+impl Hiding {
+    /// Measures it in the core.
+    pub(crate) fn of(volume: &Volume, core: &Rows) -> Self {
+        let noise_hu = noise_hu(volume, core);
+        Self { noise_hu, is_likely: volume.grid().spacing().max_element() >= THICK_MM || noise_hu >= NOISY_HU }
+    }
+
+    /// Returns the length of a way between parts that are far apart, mm.
+    pub(crate) fn far_mm(self) -> f64 {
+        if self.is_likely { FAR_IF_HIDDEN_MM } else { FAR_MM }
+    }
+}
+
+/// Returns the septa through which the core leaks, linear indices, ascending, if they may be hidden.
+pub(super) fn leaks(volume: &Volume, core: &Rows, hiding: Hiding, progress: &Progress) -> Result<Vec<usize>> {
+    if !hiding.is_likely {
         return Ok(Vec::new());
     }
+    let (grid, noise) = (volume.grid(), hiding.noise_hu);
     let ridges = ridges(volume, core, noise, progress)?;
     if ridges.is_empty() {
         return Ok(ridges);
@@ -325,7 +389,7 @@ pub(super) fn leaks(volume: &Volume, core: &Rows, progress: &Progress) -> Result
     let least = (BUBBLE_ML / grid.voxel_ml()) as u64;
     let parted = parted.select(|p| (voxels[p as usize] >= least).then_some(0));
     let graph = Graph::of(grid, &parted, progress)?;
-    Grown::of(volume, &parted, &graph, progress)?.septa(volume, None, progress)
+    Grown::of(volume, &parted, &graph, hiding.far_mm(), progress)?.septa(volume, None, progress)
 }
 
 /// Returns the standard deviation of the noise in the gas, HU: from the median difference of neighbours along x.
