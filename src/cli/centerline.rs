@@ -21,6 +21,10 @@ use crate::volume::Volume;
 
 /// A point outside the lumen is moved into it within this, mm.
 const SNAP_MM: f64 = 5.0;
+/// Maximum number of narrow places that are told …
+const MOST_NARROWS: usize = 10;
+/// … and their least distance from an end of the line, mm: an end may lie in a corner.
+const END_MM: f64 = 3.0;
 
 /// Format of the line's file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,6 +71,14 @@ pub(crate) fn run(args: &CenterlineArgs, global: &Global, progress: &Progress) -
     for [a, b] in &line.guessed {
         say(&format!("from {a:.0} to {b:.0} mm the lumen is collapsed: the line is a guess there"));
     }
+    let narrows = line.narrows(centerline::BODY_MM);
+    for n in narrows.iter().filter(|n| n.along_mm > END_MM && n.along_mm < line.length_mm - END_MM).take(MOST_NARROWS) {
+        let (at, wide) = (n.at, 2.0 * n.radius_mm);
+        say(&format!(
+            "at {:.1},{:.1},{:.1}, {:.0} mm along, the lumen is {wide:.1} mm wide: the camera does not fit through",
+            at.x, at.y, at.z, n.along_mm
+        ));
+    }
     write(&args.out, format, &line)?;
     if let Some(path) = &args.stats {
         let mut stats = prepare::stats_head(&timings);
@@ -75,6 +87,17 @@ pub(crate) fn run(args: &CenterlineArgs, global: &Global, progress: &Progress) -
             ("length_mm", json!(line.length_mm)),
             ("points", json!(line.points.len())),
             ("guessed_mm", json!(line.guessed)),
+            (
+                "narrow",
+                json!(
+                    narrows
+                        .iter()
+                        .map(|n| json!({
+                            "position": n.at.to_array(), "along_mm": n.along_mm, "width_mm": 2.0 * n.radius_mm
+                        }))
+                        .collect::<Vec<_>>()
+                ),
+            ),
             ("names", json!(names)),
         ] {
             stats.insert(name.to_owned(), value);

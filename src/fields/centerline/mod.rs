@@ -26,7 +26,7 @@ pub(in crate::fields) use polyline::{length, smoothed, spaced};
 /// Distance between the line's points, mm.
 const STEP_MM: f64 = 1.0;
 /// Radius of the body that an opening should let pass, mm: the camera's.
-const BODY_MM: f64 = 1.5;
+pub const BODY_MM: f64 = 1.5;
 /// Maximum distance over which a point outside the lumen is moved into it, mm.
 const SNAP_MM: f64 = 5.0;
 /// Clearance at which narrowness begins to add cost, mm.
@@ -56,6 +56,39 @@ pub struct Centerline {
     pub length_mm: f64,
     /// Stretches (from, to; mm along the line) where the lumen is collapsed and the line is only a guess.
     pub guessed: Vec<[f64; 2]>,
+}
+
+/// A stretch of a line that a body does not fit through.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Narrow {
+    /// Its narrowest place, world, mm.
+    pub at: DVec3,
+    /// Distance of that place from the line's start, mm.
+    pub along_mm: f64,
+    /// Distance to the wall there, mm.
+    pub radius_mm: f64,
+}
+
+impl Centerline {
+    /// Returns the stretches where the wall is nearer than `least_mm`, in order. Guessed stretches are none.
+    pub fn narrows(&self, least_mm: f64) -> Vec<Narrow> {
+        let mut found: Vec<Narrow> = Vec::new();
+        let (mut along_mm, mut is_narrow) = (0.0, false);
+        for (n, (&at, &radius_mm)) in self.points.iter().zip(&self.radius_mm).enumerate() {
+            along_mm += n.checked_sub(1).map_or(0.0, |before| self.points[before].distance(at));
+            let is_guessed = self.guessed.iter().any(|[a, b]| (*a..=*b).contains(&along_mm));
+            let was_narrow = std::mem::replace(&mut is_narrow, radius_mm < least_mm && !is_guessed);
+            if is_narrow {
+                let here = Narrow { at, along_mm, radius_mm };
+                match found.last_mut().filter(|_| was_narrow) {
+                    Some(last) if last.radius_mm <= radius_mm => {}
+                    Some(last) => *last = here,
+                    None => found.push(here),
+                }
+            }
+        }
+        found
+    }
 }
 
 /// An end of the line.

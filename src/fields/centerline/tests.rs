@@ -315,3 +315,16 @@ fn a_line_begins_in_the_lumen_although_its_end_was_given_beside_it() {
         }
     }
 }
+
+#[test]
+fn narrow_stretches_are_listed_by_their_narrowest_place() {
+    let line = Centerline {
+        points: (0..10).map(|n| DVec3::new(f64::from(n), 0.0, 0.0)).collect(),
+        radius_mm: vec![5.0, 1.2, 0.8, 1.0, 4.0, 0.0, 0.0, 3.0, 3.0, 1.4],
+        length_mm: 9.0,
+        guessed: vec![[4.5, 6.5]],
+    };
+    let at = |narrow: &Narrow| (narrow.along_mm, narrow.radius_mm);
+    assert_eq!(line.narrows(1.5).iter().map(at).collect::<Vec<_>>(), [(2.0, 0.8), (9.0, 1.4)]);
+    assert!(line.narrows(0.5).is_empty() && Centerline::default().narrows(1.5).is_empty());
+}

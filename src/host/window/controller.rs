@@ -51,6 +51,7 @@ use crate::output;
 use crate::render::Frame;
 use crate::render::ImageSize;
 use crate::systems::present;
+use crate::volume::io::thick_slices;
 
 /// Maximum number of steps between two images. A slower machine flies slower.
 const STEPS: u32 = 10;
@@ -60,7 +61,7 @@ const QUIET_STEPS: u32 = 40;
 const REST_MM_S: f64 = 0.3;
 /// Duration of a message.
 const MESSAGE: Duration = Duration::from_millis(2500);
-/// Duration of a message about a plug-in that has panicked.
+/// Duration of a message about a plug-in that has panicked, or about the scan.
 const FAULT_MESSAGE: Duration = Duration::from_secs(12);
 /// Factor of the speed for one key press or one notch of the wheel.
 const FASTER: f64 = 1.15;
@@ -152,6 +153,8 @@ impl FlightController {
         let automatic = scene.guide().into_iter().chain(scene.guides.iter()).find(|g| g.automatic);
         let last_guide = automatic.map_or("", |g| g.name);
         let kinds = Kinds::new(flight.setup().told.clone(), now);
+        // What the scan cannot show is said for as long as a fault.
+        let thick = thick_slices(flight.setup().volume.voxels().grid()).map(|note| (note, now + FAULT_MESSAGE));
         Ok(Self {
             flight,
             accumulator: Accumulator::default(),
@@ -166,7 +169,7 @@ impl FlightController {
             travel: None,
             view_renderer,
             figures: Figures::new(now),
-            message: None,
+            message: thick,
             reported: BTreeSet::new(),
             help: false,
             planning: None,

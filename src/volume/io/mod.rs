@@ -127,8 +127,20 @@ fn read(
     // Values of other modalities are not HU, so none of them means padding.
     let volume =
         if facts.get("modality").is_some_and(|m| m != "CT") { volume } else { padding::to_air(volume, &mut notes) };
+    if facts.get("modality").is_none_or(|m| m == "CT") {
+        notes.extend(thick_slices(volume.grid()));
+    }
     let position = facts.get("patient_position").and_then(Value::as_str).and_then(PatientPosition::of_header);
     Ok((Loaded { volume: volume.with_header_position(position), notes }, facts))
+}
+
+/// Returns a note on what the slices of a scan cannot show; `None` if they are thin. A lesion that is to be judged spans two slices.
+pub fn thick_slices(grid: &Grid) -> Option<String> {
+    /// Polyps from 6 mm are reported, mm.
+    const THIN_MM: f64 = 3.0;
+    let mm = (grid.spacing().max_element() * 10.0).round() / 10.0;
+    (mm > THIN_MM && grid.dims().iter().all(|&n| n > 1))
+        .then(|| format!("{mm} mm slices: polyps under {} mm cannot be judged", (2.0 * mm * 10.0).round() / 10.0))
 }
 
 fn detect(path: &Path, progress: &Progress) -> Result<Format> {
