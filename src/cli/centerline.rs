@@ -140,7 +140,13 @@ fn through_scan(
     let walls =
         timings.time("distance_s", || WallDistance::of_lumen(volume, &lumen, Through::GasAndFluid, progress))?;
     let asked = args.from.is_some() || args.to.is_some();
-    let ends = if asked { outermost(&lumen, 0..lumen.segments.len()) } else { joined(&lumen) };
+    let mut ends = outermost(&lumen, 0..lumen.segments.len());
+    if !asked {
+        let joined = joined(&lumen);
+        if !lumen.ordered {
+            ends = joined;
+        }
+    }
     let guesses = match between(&lumen, args) {
         which if which.len() > 1 => timings.time("guess_s", || connection::guesses(volume, &lumen, which, progress))?,
         _ => Vec::new(),
@@ -151,9 +157,9 @@ fn through_scan(
 }
 
 /// The segments between which the line may have to be guessed: all from that of one requested end to that of the other. Without a
-/// request the line stays in what fluid joins.
+/// request it is that of the whole colon.
 fn between(lumen: &Lumen, args: &CenterlineArgs) -> Range<usize> {
-    if !lumen.ordered || args.from.is_none() && args.to.is_none() {
+    if !lumen.ordered {
         return 0..0;
     }
     let all = 0..lumen.segments.len();

@@ -61,7 +61,8 @@ pub(crate) fn run(args: &MeasureArgs, global: &Global, progress: &Progress) -> R
     // Not twice.
     let global = Global { cleanse: false, ..global.clone() };
     let mut volume = prepare::load(&args.input, &global, &mut timings, progress)?;
-    let (lumen, cleansed) = prepare::cleansed_lumen(&mut volume, args.from.map(|p| p.0), &mut timings, progress)?;
+    let (lumen, cleansed) =
+        prepare::cleansed_lumen(&mut volume, args.from.map(|p| p.0), false, &mut timings, progress)?;
     let restored = cleansed.map(|c| c.changes);
     let wall = timings.time("wall_s", || Wall::new(&volume, &lumen, iso, progress))?;
     let is_restored = |p: DVec3| {

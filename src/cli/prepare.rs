@@ -212,13 +212,14 @@ pub(crate) fn lumen_from(
 }
 
 /// The colon in a scan without its tag, which is taken out of `volume`, and what was taken, with the values that the scan had;
-/// with a point (world, mm) the gas there. Says what was taken.
+/// with a point (world, mm) the gas there. Says what was taken. `with_along` measures along the scan as it is, as `centerline` does.
 ///
 /// # Errors
 /// As [`lumen_from`], and status 4 if there is no colon.
 pub(crate) fn cleansed_lumen(
     volume: &mut Volume,
     from: Option<DVec3>,
+    with_along: bool,
     timings: &mut Timings,
     progress: &Progress,
 ) -> Result<(Lumen, Option<Cleansed>)> {
@@ -227,6 +228,9 @@ pub(crate) fn cleansed_lumen(
         return Err(no_lumen(&found, "give --from and a point in the colon"));
     }
     found.close_septa(volume);
+    if with_along {
+        timings.time("along_s", || found.along(volume, progress))?;
+    }
     let mut cleansed = timings.time("cleanse_s", || cleanse::cleanse(volume, &found, progress))?;
     if cleansed.changes.is_empty() {
         return Ok((found, None));

@@ -18,7 +18,7 @@ use super::wall::Wall;
 use crate::dynamics::Attitude;
 use crate::error::Result;
 use crate::fields::Lumen;
-use crate::fields::lumen::Along;
+use crate::fields::lumen::CoarseAlong;
 use crate::progress::Progress;
 use crate::render::camera::Perspective;
 use crate::space::PreparedVolume;
@@ -65,7 +65,7 @@ pub struct LiveCoverage {
     /// The same for each block.
     block_due_mm: Vec<f32>,
     /// The coarse map of the ways through the gas: wall of another loop may be nearer than wall at the camera's place.
-    along: Arc<Along>,
+    along: Arc<CoarseAlong>,
     /// The stretch of the colon that each block belongs to.
     stretches: Vec<u32>,
     /// The first stretch of each segment.
@@ -116,12 +116,12 @@ impl LiveCoverage {
     pub fn of(volume: &PreparedVolume, gas: &Arc<Lumen>, progress: &Progress) -> Result<Self> {
         let all: Vec<usize> = (0..gas.segments.len()).collect();
         let wall = Wall::of(volume.voxels(), gas, &all, volume.transfer().iso(), progress)?;
-        let along = Along::new(gas, progress)?;
+        let along = CoarseAlong::new(gas, progress)?;
         Self::new(Arc::new(wall), Arc::clone(gas), along)
     }
 
     /// Begins with nothing seen of a wall of some gas.
-    fn new(wall: Arc<Wall>, gas: Arc<Lumen>, along: Along) -> Result<Self> {
+    fn new(wall: Arc<Wall>, gas: Arc<Lumen>, along: CoarseAlong) -> Result<Self> {
         let patches = wall.patch_count();
         let middle = |p: usize| wall.patches[p].middle as usize;
         let middles = (0..patches).map(|p| [wall.centroids[middle(p)], wall.normals[middle(p)]]).collect();
@@ -390,7 +390,7 @@ impl LiveCoverage {
 }
 
 /// Returns the stretch of the colon that each block belongs to, and the first one of each segment.
-fn stretches(wall: &Wall, gas: &Lumen, along: &Along) -> (Vec<u32>, Vec<u32>) {
+fn stretches(wall: &Wall, gas: &Lumen, along: &CoarseAlong) -> (Vec<u32>, Vec<u32>) {
     let place = |b: usize| {
         let n = wall.patches[wall.blocks[b].first as usize].middle as usize;
         along.of(wall.centroid(n) + wall.normal(n) * INTO_GAS_MM)

@@ -19,6 +19,8 @@ const WAYS: usize = 48;
 const FREE_MM: f64 = 0.5;
 /// Wall nearer to a place than this is looked at to see the place, mm.
 const ABOUT_MM: f64 = 5.0;
+/// Distance from the wall into the gas at which a patch is looked up along the colon, mm.
+const INTO_GAS_MM: f64 = 2.0;
 /// Triangles of a patch that are tried from each place, at most.
 const TRIED: usize = 32;
 
@@ -31,8 +33,8 @@ pub struct Missed {
     pub position: DVec3,
     /// Its mean unit normal into the gas, world.
     pub normal: DVec3,
-    /// Distance along the flight of the view nearest to it, mm.
-    pub along_mm: f64,
+    /// Distance along the colon from the rectum, mm (see [`Along`](crate::fields::Along)); `None` if that is not known.
+    pub along_mm: Option<f64>,
     /// Where most of it is seen from; `None` if no place was found where the camera fits.
     pub look_from: Option<LookFrom>,
     /// Its triangles.
@@ -52,20 +54,17 @@ pub struct LookFrom {
 }
 
 /// Returns the patches of at least `least_mm2` for whose triangles `is_seen` is false, the largest first. Triangles that share an edge
-/// belong to one patch. `way` is the flight (world mm) in `volume`, and the camera has a radius of `radius_mm`.
+/// belong to one patch. `along` tells how far along the colon a place in the gas is (world mm), and the camera that flies in `volume` has
+/// a radius of `radius_mm`.
 pub fn missed(
     wall: &Wall,
     is_seen: impl Fn(usize) -> bool,
     least_mm2: f64,
-    way: &[DVec3],
+    along: impl Fn(DVec3) -> Option<f64> + Sync,
     volume: &PreparedVolume,
     radius_mm: f64,
 ) -> Vec<Missed> {
     let walls = &finder(volume, radius_mm);
-    let mut along = vec![0.0; way.len()];
-    for n in 1..way.len() {
-        along[n] = along[n - 1] + way[n].distance(way[n - 1]);
-    }
     let mut found: Vec<Missed> = patches(wall, is_seen)
         .into_par_iter()
         .filter_map(|triangles| {
@@ -81,8 +80,7 @@ pub fn missed(
             let far = |n: &u32| wall.centroid(*n as usize).distance_squared(middle);
             let nearest = *triangles.iter().min_by(|a, b| far(a).total_cmp(&far(b)))?;
             let position = wall.centroid(nearest as usize);
-            let square = |n: &usize| way[*n].distance_squared(position);
-            let along_mm = (0..way.len()).min_by(|a, b| square(a).total_cmp(&square(b))).map_or(0.0, |n| along[n]);
+            let along_mm = along(position + wall.normal(nearest as usize) * INTO_GAS_MM);
             let look_from = look_from(wall, &triangles, position, normal, walls, radius_mm);
             Some(Missed { area_mm2, position, normal, along_mm, look_from, triangles })
         })

@@ -1,6 +1,7 @@
 //! Fields and structures for navigation, computed from a volume: the lumen, distances to wall and target, centerlines.
 //! Each is computed only when a scene needs it.
 
+mod along;
 pub mod centerline;
 pub mod cleanse;
 pub(crate) mod clearance;
@@ -13,6 +14,7 @@ mod target;
 pub mod voxels;
 pub(crate) mod wall;
 
+pub use along::{Along, AlongColon};
 pub use centerline::{Centerline, CenterlineMethod};
 pub use clearance::{Clearance, ClearanceFinder, Clearances};
 pub use connection::Connection;

@@ -12,7 +12,7 @@ use crate::components::trail::Trail;
 use crate::coverage::{Coverage, LiveCoverage, LookFrom, Missed, Sight, Wall, missed, part};
 use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
-use crate::fields::lumen;
+use crate::fields::{Along, lumen};
 use crate::render::camera::Perspective;
 
 /// A review flies back over the whole way if that shows at least this share of the wall.
@@ -168,15 +168,32 @@ impl<'a> Survey<'a> {
     }
 
     /// Returns the patches that were not seen, at least 300 mm² large, the largest first.
-    pub fn missed(self, covered: &Covered) -> Vec<Missed> {
-        self.missed_by(covered, |n| covered.sights[n].ahead > 0, missed::LEAST_MM2)
+    ///
+    /// # Errors
+    /// Returns status 4 if interrupted.
+    pub fn missed(self, covered: &Covered) -> Result<Vec<Missed>> {
+        let along = self.along()?;
+        let place = |p: DVec3| along.of(p).map(|a| a.mm);
+        let setup = &self.flight.setup;
+        let is_seen = |n: usize| covered.sights[n].ahead > 0;
+        let radius_mm = setup.scene.body.radius_mm;
+        Ok(missed::missed(&covered.wall, is_seen, missed::LEAST_MM2, place, &setup.volume, radius_mm))
+    }
+
+    /// Returns the measure along the colon that is flown, which the first call computes.
+    ///
+    /// # Errors
+    /// Returns status 4 if interrupted.
+    pub fn along(self) -> Result<Arc<Along>> {
+        let FlightApp { setup: Setup { volume, lumen, plan, .. }, progress, .. } = self.flight;
+        plan.gas.as_ref().unwrap_or(lumen).along(volume.voxels(), progress)
     }
 
     /// Returns the patches of at least `least_mm2` for whose triangles `is_seen` is false, the largest first.
     fn missed_by(self, covered: &Covered, is_seen: impl Fn(usize) -> bool, least_mm2: f64) -> Vec<Missed> {
-        let way: Vec<DVec3> = self.trail().map_or(&[][..], Trail::views).iter().map(|v| v.0).collect();
         let setup = &self.flight.setup;
-        missed::missed(&covered.wall, is_seen, least_mm2, &way, &setup.volume, setup.scene.body.radius_mm)
+        // The tour has an order of its own.
+        missed::missed(&covered.wall, is_seen, least_mm2, |_| None, &setup.volume, setup.scene.body.radius_mm)
     }
 
     /// Returns the share of the path behind the camera, 0 to 1, and the path's length, mm. They refer to the plan or the log that

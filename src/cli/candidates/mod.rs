@@ -15,7 +15,7 @@ use crate::cli::Program;
 use crate::cli::args::{CandidatesArgs, Global};
 use crate::cli::prepare;
 use crate::error::Result;
-use crate::fields::lumen::{Along, Names};
+use crate::fields::Along;
 use crate::output;
 use crate::polyps::{self, Candidate, Colon, FEATURES, Wall, detectors};
 use crate::progress::Progress;
@@ -37,7 +37,7 @@ struct Entry {
 }
 
 impl Entry {
-    fn new(rank: usize, candidate: &Candidate, along: &Along, names: &Names) -> Self {
+    fn new(rank: usize, candidate: &Candidate, along: &Along) -> Self {
         let lesion = candidate.lesion.as_ref();
         let place = along.of(candidate.position);
         Self {
@@ -47,9 +47,9 @@ impl Entry {
             diameter_mm: lesion.map(|l| l.diameter_mm),
             height_mm: lesion.map(|l| l.height_mm),
             volume_mm3: lesion.map(|l| l.volume_mm3),
-            along_mm: place.map(|p| p.1),
-            segment: place.map(|p| p.0),
-            part: names.at(candidate.position).map(|p| p.name),
+            along_mm: place.map(|p| p.mm),
+            segment: place.map(|p| p.segment),
+            part: place.and_then(|p| p.part),
             features: lesion.map_or_else(BTreeMap::new, |l| FEATURES.into_iter().zip(l.features).collect()),
         }
     }
@@ -72,16 +72,15 @@ pub(crate) fn run(program: &Program, args: &CandidatesArgs, global: &Global, pro
     // Not twice.
     let global = Global { cleanse: false, ..global.clone() };
     let mut volume = prepare::load(&args.input, &global, &mut timings, progress)?;
-    let (lumen, _) = prepare::cleansed_lumen(&mut volume, args.from.map(|p| p.0), &mut timings, progress)?;
-    let names = lumen.names();
-    let along = timings.time("along_s", || Along::new(&lumen, progress))?;
+    let (lumen, _) = prepare::cleansed_lumen(&mut volume, args.from.map(|p| p.0), true, &mut timings, progress)?;
+    let along = lumen.along(&volume, progress)?;
     let beyond = if args.gallery.is_some() { PICTURE_MM } else { WALL_MM };
     let (volume, lumen) = prepare::around(volume, lumen, beyond);
     let wall = timings.time("wall_s", || Wall::new(&volume, &lumen, transfer.iso(), progress))?;
     let colon = Colon { volume: &volume, lumen: &lumen, wall: &wall };
     let mut found = timings.time("candidates_s", || polyps::find(&detector, &colon, progress))?;
     found.truncate(args.max.unwrap_or(usize::MAX));
-    let entries: Vec<Entry> = found.iter().enumerate().map(|(n, c)| Entry::new(n + 1, c, &along, &names)).collect();
+    let entries: Vec<Entry> = found.iter().enumerate().map(|(n, c)| Entry::new(n + 1, c, &along)).collect();
     output::write_json(&args.out, &json!({ "candidates": entries }))?;
     if let Some(folder) = &args.gallery {
         let name = args.input.file_name().map_or_else(|| "scan".to_owned(), |n| n.to_string_lossy().into_owned());

@@ -105,7 +105,7 @@ impl Covering {
             wall.insert("coverage_live".to_owned(), json!(live.share()));
         }
         wall.insert("wall_mm2".to_owned(), json!(covered.as_ref().map_or(0.0, |c| c.wall.mm2())));
-        let missed = covered.as_ref().map_or_else(Vec::new, |c| flight.survey().missed(c));
+        let missed = covered.as_ref().map_or_else(|| Ok(Vec::new()), |c| flight.survey().missed(c))?;
         wall.insert("missed".to_owned(), json!(missed));
         match (&self.mesh, &covered) {
             (Some(path), Some(c)) => c.wall.save(path, &c.sights)?,

@@ -5,7 +5,6 @@
 //! are recognised by position and texture (see `choose`). Everything is stored as runs along the index x axis, so no
 //! field of the volume's size is created.
 
-mod along;
 mod choose;
 mod ends;
 mod fluid;
@@ -23,12 +22,16 @@ mod position;
 pub(in crate::fields) mod residue;
 pub(in crate::fields) mod runs;
 mod septa;
+mod stretches;
 #[cfg(test)]
 mod tests;
+
+use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::Along;
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
@@ -37,7 +40,6 @@ use graph::Graph;
 use order::{Body, Link};
 use runs::Rows;
 
-pub use along::Along;
 pub use interior::Interior;
 pub use kinds::{Chain, Considered, Features, GasKind, Judged, Landmarks, RULES, Rule, judge};
 pub use map::{GasBody, KindMap};
@@ -45,6 +47,7 @@ pub use names::{NAMES, Names, Part};
 pub use others::{Other, Others, not_colon};
 pub use position::Lying;
 pub use residue::{Remnant, Residue, residue};
+pub use stretches::CoarseAlong;
 
 /// A voxel at or below this is gas, HU: the middle of the wall's opacity ramp.
 pub const GAS_HU: i16 = -650;
@@ -108,6 +111,8 @@ pub struct Lumen {
     other: Rows,
     /// Voxels of septa, linear indices, ascending.
     septa: Vec<usize>,
+    /// The measure along it, once something has asked for it.
+    along: OnceLock<Arc<Along>>,
 }
 
 /// A kind that the reader gave to the gas at a place (world, mm).
@@ -246,7 +251,7 @@ impl Bodies {
         let grid = volume.grid();
         let grown = septa::Grown::of(volume, &core, graph, hiding.far_mm(), progress)?;
         drop(core);
-        let gas = grown.gas(graph);
+        let gas = grown.gas();
         let (found, fluid) = rayon::join(
             || Self::ends(grid, &gas, graph, 0..count as u32, progress),
             || fluid::find(volume, &gas, count, frame, progress),
@@ -416,6 +421,26 @@ impl Lumen {
             fluid,
             other,
             septa: Vec::new(),
+            along: OnceLock::new(),
+        }
+    }
+
+    /// Returns the measure along this lumen, found in `volume`. The first call computes it.
+    ///
+    /// # Errors
+    /// As [`Along::new`].
+    pub fn along(&self, volume: &Volume, progress: &Progress) -> Result<Arc<Along>> {
+        if let Some(known) = self.along.get() {
+            return Ok(Arc::clone(known));
+        }
+        let found = Arc::new(Along::new(volume, self, progress)?);
+        Ok(Arc::clone(self.along.get_or_init(|| found)))
+    }
+
+    /// Takes the measure along the lumen of the scan as it was, so that both tell the same.
+    pub(in crate::fields) fn keep_along(&self, before: &Self) {
+        if let Some(along) = before.along.get() {
+            self.along.get_or_init(|| Arc::new(along.in_lumen(self)));
         }
     }
 

@@ -49,10 +49,12 @@ const SEPTUM_MM2: f64 = 20.0;
 
 /// The gas grown from its core, by the parts of the core.
 pub(super) struct Grown {
-    /// The gas, labelled with the nodes of the core's map.
+    /// The gas, labelled with the parts of the core, which are the nodes of its map.
     parts: Rows,
-    /// The piece of the core that each node belongs to, and how many contacts it is away from its end.
+    /// The piece of the core that each part belongs to, and how many contacts it is away from its end.
     hops: Vec<Hop>,
+    /// The label of each part.
+    labels: Vec<u32>,
     far: u32,
 }
 
@@ -67,15 +69,22 @@ impl Grown {
     /// Grows the core, whose runs made `graph`, to the wall's middle. Parts are far apart if the way between them through the core is
     /// longer than `far_mm`, counted along the axes.
     pub(crate) fn of(volume: &Volume, core: &Rows, graph: &Graph, far_mm: f64, progress: &Progress) -> Result<Self> {
-        let parts = graph.labelled(volume.grid(), core, |node| node, progress)?;
+        // Where two labels meet, the smaller one wins, so parts are numbered by their labels.
+        let mut nodes: Vec<u32> = (0..graph.nodes.len() as u32).collect();
+        nodes.sort_by_key(|&n| graph.nodes[n as usize].label);
+        let mut number = vec![0; nodes.len()];
+        (0u32..).zip(&nodes).for_each(|(part, &node)| number[node as usize] = part);
+        let parts = graph.labelled(volume.grid(), core, |node| number[node as usize], progress)?;
         let parts = grow(volume, parts, GAS_HU, GROWTH, progress)?;
-        let far = graph.far_hops(volume.grid(), far_mm);
-        Ok(Self { parts, hops: hops(graph), far })
+        let of_node = hops(graph);
+        let hops = nodes.iter().map(|&n| of_node[n as usize]).collect();
+        let labels = nodes.iter().map(|&n| graph.nodes[n as usize].label).collect();
+        Ok(Self { parts, hops, labels, far: graph.far_hops(volume.grid(), far_mm) })
     }
 
-    /// Returns the gas, labelled as the nodes of `graph` are.
-    pub(crate) fn gas(&self, graph: &Graph) -> Rows {
-        self.parts.select(|node| Some(graph.nodes[node as usize].label)).joined()
+    /// Returns the gas, labelled as the core is.
+    pub(crate) fn gas(&self) -> Rows {
+        self.parts.select(|part| Some(self.labels[part as usize])).joined()
     }
 
     /// Returns the voxels of septa, linear indices, ascending.

@@ -278,12 +278,16 @@ fn prepare(flight: &FlightApp, wake: &WakeUp) -> Result<Job<(Arc<Lumen>, Arc<Wal
 /// Lists the missed patches in the background.
 fn list(coverage: &LiveCoverage, flight: &FlightApp, wake: &WakeUp) -> Result<Job<Vec<Missed>>> {
     let (coverage, setup) = (coverage.clone(), flight.setup());
-    let way: Vec<DVec3> = flight.survey().trail().map_or_else(Vec::new, |t| t.views().iter().map(|v| v.0).collect());
     let (radius, volume) = (setup.scene.body.radius_mm, setup.volume.clone());
-    let work = move |_: &Arc<Progress>| {
+    let gas = Arc::clone(setup.plan.gas.as_ref().unwrap_or(&setup.lumen));
+    let work = move |progress: &Arc<Progress>| {
+        let along = gas.along(volume.voxels(), progress)?;
+        let place = |p: DVec3| along.of(p).map(|a| a.mm);
         let is_missed = coverage.missed();
-        let mut found = missed::missed(coverage.wall(), |n| !is_missed[n], missed::LEAST_MM2, &way, &volume, radius);
-        found.sort_by(|a, b| a.along_mm.total_cmp(&b.along_mm));
+        let mut found = missed::missed(coverage.wall(), |n| !is_missed[n], missed::LEAST_MM2, place, &volume, radius);
+        // What has no place along the colon comes last.
+        let mm = |m: &Missed| m.along_mm.unwrap_or(f64::INFINITY);
+        found.sort_by(|a, b| mm(a).total_cmp(&mm(b)));
         Ok(found)
     };
     let wake = Arc::clone(wake);

@@ -203,8 +203,7 @@ pub(super) fn share(wall: &Wall, which: impl Fn(usize) -> bool) -> f64 {
 /// Returns the patches of at least 300 mm² that were not seen.
 fn missed(flight: &Flight, seen: &[bool]) -> Vec<Missed> {
     let setup = flight.app.setup();
-    let way: Vec<DVec3> = flight.views().iter().map(|v| v.0).collect();
-    missed::missed(&flight.wall, |n| seen[n], LEAST_MM2, &way, &setup.volume, setup.scene.body.radius_mm)
+    missed::missed(&flight.wall, |n| seen[n], LEAST_MM2, |_| None, &setup.volume, setup.scene.body.radius_mm)
 }
 
 /// Looks at each patch that was missed from the place that is proposed for it, and again at what is missed after that.

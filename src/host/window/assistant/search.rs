@@ -8,9 +8,10 @@ use crate::app::look::{Looks, Subject};
 use crate::components::camera::Pose;
 use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
+use crate::fields::AlongColon;
 use crate::fields::Lumen;
 use crate::fields::cleanse::{self, Cleansed};
-use crate::fields::lumen::{self, Along, Told};
+use crate::fields::lumen::{self, Told};
 use crate::host::window::cleansing::boxed;
 use crate::polyps::{self, Candidate, Colon, Measurement, Wall, detectors};
 use crate::progress::Progress;
@@ -63,8 +64,8 @@ enum Before {
 /// A candidate in the list.
 pub(crate) struct Entry {
     pub(crate) candidate: Candidate,
-    /// The lumen's segment, and how far along it is, mm.
-    pub(crate) along: Option<(usize, f64)>,
+    /// Where it is along the colon.
+    pub(crate) along: Option<AlongColon>,
     /// From where it is seen well in the scan without tag, world mm.
     pub(crate) pose: Pose,
     /// What is seen from there, [`SIDE`] pixels wide and high.
@@ -106,7 +107,7 @@ pub(crate) fn search(input: Input, progress: &Progress) -> Result<Found> {
     }
     let preset = input.preset;
     let Clean { volume, lumen, before, around, bytes } = clean(input, progress)?;
-    let along = Along::new(&lumen, progress)?;
+    let along = lumen.along(&volume, progress)?;
     let wall = Wall::new(&volume, &lumen, around.transfer().iso(), progress)?;
     let all = polyps::find(&detectors::BUILT_IN[0], &Colon { volume: &volume, lumen: &lumen, wall: &wall }, progress)?;
     drop(volume);

@@ -246,9 +246,9 @@ fn words(p: &Painter, at: Pos2, n: usize, entry: &Entry, is_narrow: bool, said: 
             line(&sizes.join(", "), INK);
         }
     }
-    if let Some((segment, mm)) = entry.along {
-        let segment = if is_narrow { String::new() } else { format!("segment {}, ", segment + 1) };
-        line(&format!("{segment}at {mm:.0} mm"), SOFT);
+    if let Some(place) = entry.along {
+        let part = place.part.filter(|_| !is_narrow).map_or_else(String::new, |part| format!("{part}, "));
+        line(&format!("{part}at {:.0} mm", place.mm), SOFT);
     }
     if let Some(said) = said {
         line(&said.note, INK);
@@ -258,7 +258,10 @@ fn words(p: &Painter, at: Pos2, n: usize, entry: &Entry, is_narrow: bool, said: 
 /// Returns what is told of a row under the pointer.
 fn tip(entry: &Entry, is_ordered: bool, note: &str) -> String {
     let from = if is_ordered { "from the rectum" } else { "from its end nearer to the rectum" };
-    let place = entry.along.map(|(segment, mm)| format!("segment {}, {mm:.0} mm {from}", segment + 1));
+    let place = entry.along.map(|a| {
+        let what = a.part.map_or_else(|| format!("segment {}", a.segment + 1), str::to_owned);
+        format!("{what}, {:.0} mm {from}", a.mm)
+    });
     let lines = place.into_iter().chain((!note.is_empty()).then(|| note.to_owned()));
     lines.collect::<Vec<_>>().join("\n")
 }

@@ -96,9 +96,11 @@ impl MissedPanel {
                     let colour = if share > 0.5 { DONE } else { SOFT };
                     text(&p, at, Align2::LEFT_TOP, &format!("{:.0} % seen", 100.0 * share), TEXT, colour);
                 }
-                let place = match patch.look_from {
-                    Some(_) => format!("at {:.0} mm of the flight", patch.along_mm),
-                    None => format!("at {:.0} mm, too narrow to look at", patch.along_mm),
+                let place = patch.along_mm.map_or_else(String::new, |mm| format!("at {mm:.0} mm"));
+                let place = match (patch.look_from, place.is_empty()) {
+                    (Some(_), _) => place,
+                    (None, true) => "too narrow to look at".to_owned(),
+                    (None, false) => format!("{place}, too narrow to look at"),
                 };
                 text(&p, head.left_bottom(), Align2::LEFT_TOP, &place, TEXT, SOFT);
                 if row.clicked() {

@@ -1,4 +1,5 @@
-//! Where a place is along the colon, by the coarse map of the gas.
+//! Where a place is along the gas, by its coarse map: for watching a flight. What is told to a reader is measured by
+//! [`Along`](crate::fields::Along).
 
 use glam::{DVec3, I64Vec3, USizeVec3};
 
@@ -10,9 +11,9 @@ use crate::progress::Progress;
 /// A place farther than this from all gas is nowhere along it, mm.
 const NEAR_MM: f64 = 12.0;
 
-/// Distances along the segments of a lumen. They are as coarse as the map: within about a tenth of the way, and 5 mm.
+/// Distances along the segments of a lumen, as coarse as the map: within about a tenth of the way, and 5 mm.
 #[derive(Clone, Debug, Default)]
-pub struct Along {
+pub struct CoarseAlong {
     /// Centre of each node, its segment, and how far it is along, mm. Those of one box follow each other.
     nodes: Vec<(DVec3, usize, f64)>,
     /// The lower corner of the boxes around all of them, world mm, and the number of boxes, whose side is [`NEAR_MM`].
@@ -22,7 +23,7 @@ pub struct Along {
     first: Vec<u32>,
 }
 
-impl Along {
+impl CoarseAlong {
     /// Measures the ways from each segment's rectal end. If the segments' order is known, each begins where the one before
     /// ends.
     ///
@@ -122,7 +123,7 @@ mod tests {
         let phantom = Phantom::new(&settings);
         let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
         let lumen = lumen::find(&volume, &Progress::new()).unwrap();
-        let along = Along::new(&lumen, &Progress::new()).unwrap();
+        let along = CoarseAlong::new(&lumen, &Progress::new()).unwrap();
         let truth = phantom.truth();
         let whole = truth.length_mm;
         for n in [30, 100, 300, 500, 600] {
@@ -144,6 +145,6 @@ mod tests {
             assert_eq!(along.of(nowhere), None);
         }
         assert_eq!(along.of(DVec3::splat(1e4)), None);
-        assert_eq!(Along::default().of(DVec3::ZERO), None);
+        assert_eq!(CoarseAlong::default().of(DVec3::ZERO), None);
     }
 }

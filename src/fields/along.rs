@@ -1,0 +1,315 @@
+//! Where a place is along the colon: the one measure that every command, panel and file uses.
+//!
+//! It is the distance along the centerline of the whole colon, from its rectal end, as `colvis centerline` writes it. Where two
+//! segments of gas are joined by nothing, the line follows a guess, which is marked. Without a known order, each segment has a line
+//! of its own.
+//!
+//! A place belongs to the stretch of the line that is nearest *through the lumen*, not through a wall: every cell of the lumen (see
+//! [`centerline`]) takes the point of the line from which a flood reaches it first. The place is then that of the nearest point of
+//! the line within [`NEAR_ALONG_MM`] of it.
+
+use std::ops::Range;
+
+use glam::{DVec3, I64Vec3, USizeVec3};
+
+use super::centerline::{self, Centerline, End};
+use super::lumen::{Lumen, Part};
+use super::{Through, WallDistance, connection};
+use crate::error::Result;
+use crate::progress::Progress;
+use crate::volume::Volume;
+
+/// A place farther than this from the lumen is nowhere along it, mm.
+const NEAR_MM: f64 = 12.0;
+/// Side of the boxes in which cells are looked up, mm.
+const BOX_MM: f64 = 6.0;
+/// A place's point of the line is at most this far along it from that of its cell, mm.
+const NEAR_ALONG_MM: f64 = 40.0;
+
+/// A place along the colon.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AlongColon {
+    /// The segment of gas, or the one before it along the line.
+    pub segment: usize,
+    /// Distance along the line from its rectal end, mm.
+    pub mm: f64,
+    /// The part of the colon, if the parts are known.
+    pub part: Option<&'static str>,
+    /// True where the line is a guess.
+    pub is_guessed: bool,
+}
+
+/// The measure along a colon.
+#[derive(Clone, Debug, Default)]
+pub struct Along {
+    lines: Vec<Line>,
+    /// Centre of each cell of the lumen (world mm), its line, and the point of the line that it belongs to. Those of one box follow
+    /// each other.
+    cells: Vec<(DVec3, u32, u32)>,
+    /// The lower corner of the boxes around all of them, world mm, and the number of boxes.
+    low: DVec3,
+    boxes: USizeVec3,
+    /// The first cell of each box, x fastest, and the number of cells.
+    first: Vec<u32>,
+    /// The parts along the line, if the order is known.
+    parts: Vec<Part>,
+}
+
+/// The centerline of the colon, or of one segment.
+#[derive(Clone, Debug)]
+struct Line {
+    line: Centerline,
+    /// Distance of each point from the first, mm.
+    mm: Vec<f64>,
+    /// The segment at each point.
+    segment: Vec<u32>,
+}
+
+impl Line {
+    fn new(line: Centerline, lumen: &Lumen, segments: Range<usize>) -> Self {
+        let mut mm = Vec::with_capacity(line.points.len());
+        let mut sum = 0.0;
+        for (n, &p) in line.points.iter().enumerate() {
+            sum += n.checked_sub(1).map_or(0.0, |before| line.points[before].distance(p));
+            mm.push(sum);
+        }
+        let mut last = segments.start as u32;
+        let segment = line.points.iter().map(|&p| {
+            last = lumen.segment_at(p).filter(|s| segments.contains(s)).map_or(last, |s| s as u32);
+            last
+        });
+        Self { segment: segment.collect(), mm, line }
+    }
+
+    fn is_guessed(&self, mm: f64) -> bool {
+        self.line.guessed.iter().any(|[a, b]| (*a..=*b).contains(&mm))
+    }
+}
+
+impl Along {
+    /// Returns the same measure with the segments of another lumen of the same colon.
+    pub(in crate::fields) fn in_lumen(&self, lumen: &Lumen) -> Self {
+        let all = 0..lumen.segments.len();
+        let lines = self.lines.iter().map(|l| Line::new(l.line.clone(), lumen, all.clone()));
+        Self { lines: lines.collect(), ..self.clone() }
+    }
+
+    /// Finds the centerline of a lumen found in `volume`, and what belongs to each of its points.
+    ///
+    /// # Errors
+    /// Returns status 4 if interrupted, status 3 if there are more voxels than can be numbered.
+    pub fn new(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Self> {
+        if lumen.segments.is_empty() {
+            return Ok(Self::default());
+        }
+        let walls = WallDistance::of_lumen(volume, lumen, Through::GasAndFluid, progress)?;
+        let all = 0..lumen.segments.len();
+        let whole = if lumen.ordered {
+            let guesses = connection::guesses(volume, lumen, all.clone(), progress)?;
+            let ends = [lumen.segments[0].ends[0], lumen.segments[all.end - 1].ends[1]].map(End::Tip);
+            match centerline::between(&walls, ends[0], ends[1], &guesses, progress) {
+                Ok(line) => Some(line),
+                Err(e) if progress.is_cancelled() => return Err(e),
+                Err(_) => None,
+            }
+        } else {
+            None
+        };
+        let lines = match whole {
+            Some(line) => vec![Line::new(line, lumen, all)],
+            None => Self::by_segment(&walls, lumen, progress)?,
+        };
+        let parts = match &lines[..] {
+            [only] => lumen.names().on(&only.line.points),
+            _ => Vec::new(),
+        };
+        let points: Vec<&[DVec3]> = lines.iter().map(|l| &l.line.points[..]).collect();
+        let cells = centerline::nearest_through(&walls, &points, progress)?;
+        Ok(Self { parts, ..Self::boxed(lines, cells) })
+    }
+
+    /// Finds a line through each segment.
+    fn by_segment(walls: &WallDistance, lumen: &Lumen, progress: &Progress) -> Result<Vec<Line>> {
+        let mut lines = Vec::with_capacity(lumen.segments.len());
+        for (n, segment) in lumen.segments.iter().enumerate() {
+            progress.check()?;
+            let [a, b] = segment.ends.map(End::Tip);
+            let line = match centerline::between(walls, a, b, &[], progress) {
+                Ok(line) => line,
+                Err(e) if progress.is_cancelled() => return Err(e),
+                // Its ends are in one voxel, or it is too narrow to have a line: the coarse way.
+                Err(_) => Centerline { points: segment.way.clone(), ..Centerline::default() },
+            };
+            if !line.points.is_empty() {
+                lines.push(Line::new(line, lumen, n..n + 1));
+            }
+        }
+        Ok(lines)
+    }
+
+    /// Sorts the cells into boxes.
+    fn boxed(lines: Vec<Line>, mut cells: Vec<(DVec3, u32, u32)>) -> Self {
+        let low = cells.iter().fold(DVec3::INFINITY, |low, n| low.min(n.0));
+        let high = cells.iter().fold(DVec3::NEG_INFINITY, |high, n| high.max(n.0));
+        if cells.is_empty() {
+            return Self { lines, ..Self::default() };
+        }
+        let mut along = Self { lines, low, ..Self::default() };
+        along.boxes = along.place(high).as_usizevec3() + 1;
+        let index = |p: DVec3| along.index(along.place(p).as_usizevec3());
+        cells.sort_by_key(|n| index(n.0));
+        let mut first = vec![0; along.boxes.element_product() + 1];
+        cells.iter().for_each(|n| first[index(n.0) + 1] += 1);
+        for n in 1..first.len() {
+            first[n] += first[n - 1];
+        }
+        Self { cells, first, ..along }
+    }
+
+    /// Returns the box of a place, which may lie outside of all.
+    fn place(&self, world: DVec3) -> I64Vec3 {
+        ((world - self.low) / BOX_MM).floor().as_i64vec3()
+    }
+
+    fn index(&self, at: USizeVec3) -> usize {
+        at.x + self.boxes.x * (at.y + self.boxes.y * at.z)
+    }
+
+    /// Returns the cell nearest to a place (world, mm), within [`NEAR_MM`]: its line and the point of the line.
+    fn cell(&self, world: DVec3) -> Option<(u32, u32)> {
+        if self.first.is_empty() || !world.is_finite() {
+            return None;
+        }
+        let reach = (NEAR_MM / BOX_MM).ceil() as i64;
+        let at = self.place(world);
+        let side = |a: usize| {
+            let most = self.boxes[a] as i64;
+            at[a].saturating_sub(reach).clamp(0, most) as usize..at[a].saturating_add(reach + 1).clamp(0, most) as usize
+        };
+        let square = |n: &(DVec3, u32, u32)| n.0.distance_squared(world);
+        let rows = side(2).flat_map(|z| side(1).map(move |y| (y, z)));
+        let near = rows.flat_map(|(y, z)| {
+            let x = side(0);
+            let [from, to] = [x.start, x.end].map(|x| self.index(USizeVec3::new(x, y, z)));
+            &self.cells[self.first[from] as usize..self.first[to.max(from)] as usize]
+        });
+        let nearest = near.reduce(|a, b| if square(b) < square(a) { b } else { a })?;
+        (square(nearest) <= NEAR_MM * NEAR_MM).then_some((nearest.1, nearest.2))
+    }
+
+    /// Returns where a place (world, mm) is along the colon; `None` if it is farther than 12 mm from the lumen.
+    pub fn of(&self, world: DVec3) -> Option<AlongColon> {
+        let (line, point) = self.cell(world)?;
+        let own @ Line { line, mm, segment } = self.lines.get(line as usize)?;
+        let about = *mm.get(point as usize)?;
+        let window =
+            mm.partition_point(|&m| m < about - NEAR_ALONG_MM)..mm.partition_point(|&m| m <= about + NEAR_ALONG_MM);
+        let square = |n: &usize| line.points[*n].distance_squared(world);
+        let n = window.reduce(|a, b| if square(&b) < square(&a) { b } else { a })?;
+        let part = self.part(mm[n]).map(|p| p.name);
+        Some(AlongColon { segment: segment[n] as usize, mm: mm[n], part, is_guessed: own.is_guessed(mm[n]) })
+    }
+
+    /// Returns the part of the colon at a distance along the line, mm; `None` if the parts are not known.
+    pub fn part(&self, mm: f64) -> Option<Part> {
+        self.parts.iter().find(|p| mm <= p.to_mm).or(self.parts.last()).copied()
+    }
+
+    /// Returns the parts of the colon along the line, from the rectum; empty if they are not known.
+    pub fn parts(&self) -> &[Part] {
+        &self.parts
+    }
+
+    /// True if one line leads from the rectum to the cecum.
+    pub fn is_whole(&self) -> bool {
+        !self.parts.is_empty()
+    }
+
+    /// Returns the length of the line, or of the lines, mm.
+    pub fn length_mm(&self) -> f64 {
+        self.lines.iter().map(|l| l.line.length_mm).sum()
+    }
+
+    /// Returns the stretches (from, to; mm along the line) that are guesses.
+    pub fn guessed(&self) -> &[[f64; 2]] {
+        self.lines.first().map_or(&[], |l| &l.line.guessed)
+    }
+
+    /// Returns the size in memory, bytes.
+    pub fn bytes(&self) -> usize {
+        let line = |l: &Line| l.line.points.len() * (size_of::<DVec3>() + 2 * size_of::<f64>() + size_of::<u32>());
+        size_of_val(self.cells.as_slice())
+            + size_of_val(self.first.as_slice())
+            + self.lines.iter().map(line).sum::<usize>()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::fields::lumen;
+    use crate::phantom::{Phantom, PhantomSettings, Size};
+
+    /// The line that `colvis centerline` writes.
+    fn line_of(volume: &Volume, lumen: &Lumen) -> Centerline {
+        let progress = Progress::new();
+        let walls = WallDistance::of_lumen(volume, lumen, Through::GasAndFluid, &progress).unwrap();
+        let guesses = connection::guesses(volume, lumen, 0..lumen.segments.len(), &progress).unwrap();
+        let ends = [lumen.segments[0].ends[0], lumen.segments[lumen.segments.len() - 1].ends[1]].map(End::Tip);
+        centerline::between(&walls, ends[0], ends[1], &guesses, &progress).unwrap()
+    }
+
+    #[test]
+    fn a_place_is_as_far_along_as_the_centerline_says() {
+        for (fluid, collapsed, seed) in [(false, false, 1), (true, false, 2), (true, true, 3)] {
+            let settings = PhantomSettings { size: Size::Small, fluid, collapsed, seed, ..PhantomSettings::default() };
+            let phantom = Phantom::new(&settings);
+            let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+            let found = lumen::find(&volume, &Progress::new()).unwrap();
+            assert!(found.ordered, "{seed}");
+            let along = found.along(&volume, &Progress::new()).unwrap();
+            let line = line_of(&volume, &found);
+            assert_eq!(along.length_mm(), line.length_mm);
+            assert_eq!(along.guessed().len(), line.guessed.len());
+            assert!(Arc::ptr_eq(&along, &found.along(&volume, &Progress::new()).unwrap()));
+            let parts = found.names().on(&line.points);
+            let mut mm = 0.0;
+            for (n, &p) in line.points.iter().enumerate() {
+                mm += n.checked_sub(1).map_or(0.0, |before| line.points[before].distance(p));
+                if line.guessed.iter().any(|[a, b]| (a - 15.0..=b + 15.0).contains(&mm)) {
+                    continue;
+                }
+                let side = p + DVec3::new(0.5, -0.3, 0.4) * line.radius_mm[n];
+                for (place, most) in [(p, 1.5), (side, 15.0)] {
+                    let found = along.of(place).unwrap();
+                    assert!((found.mm - mm).abs() < most, "{seed}: {} for {mm}", found.mm);
+                    let part = parts.iter().find(|p| found.mm <= p.to_mm).map(|p| p.name);
+                    assert_eq!(found.part, part.or(parts.last().map(|p| p.name)));
+                }
+            }
+            for nowhere in [DVec3::NAN, DVec3::INFINITY, DVec3::splat(-1e300), DVec3::splat(1e4)] {
+                assert_eq!(along.of(nowhere), None);
+            }
+        }
+        assert_eq!(Along::default().of(DVec3::ZERO), None);
+    }
+
+    /// Two limbs with a thin wall between them: beside the wall, the middle of the narrow one is nearer than that of the wide one.
+    #[test]
+    fn a_place_belongs_to_its_own_side_of_a_wall() {
+        let walls = WallDistance::drawn([120, 60, 30], DVec3::ONE, |p| {
+            let (wide, narrow) = ((p.y - 20.0).hypot(p.z - 15.0) < 13.0, (p.y - 39.0).hypot(p.z - 15.0) < 5.0);
+            (5.0..115.0).contains(&p.x) && (wide || narrow)
+        });
+        let line = |y: f64| (10..110).map(|x| DVec3::new(f64::from(x), y, 15.0)).collect::<Vec<_>>();
+        let (wide, narrow) = (line(20.0), line(39.0));
+        let cells = centerline::nearest_through(&walls, &[&wide, &narrow], &Progress::new()).unwrap();
+        assert!(cells.len() > 1000);
+        for (place, line, point) in cells {
+            assert_eq!(line, u32::from(place.y > 33.5), "{place}");
+            assert!((place.x - f64::from(point) - 10.0).abs() < 12.0, "{place}: {point}");
+        }
+    }
+}
