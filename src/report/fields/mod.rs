@@ -2,7 +2,6 @@
 
 mod kinds;
 mod measure;
-mod skips;
 mod slices;
 
 use std::path::Path;
