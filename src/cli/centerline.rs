@@ -140,7 +140,7 @@ fn through_scan(
     let walls =
         timings.time("distance_s", || WallDistance::of_lumen(volume, &lumen, Through::GasAndFluid, progress))?;
     let asked = args.from.is_some() || args.to.is_some();
-    let mut ends = outermost(&lumen, 0..lumen.segments.len());
+    let mut ends = lumen.outermost(0..lumen.segments.len());
     if !asked {
         let joined = joined(&lumen);
         if !lumen.ordered {
@@ -175,14 +175,6 @@ fn between(lumen: &Lumen, args: &CenterlineArgs) -> Range<usize> {
     }
 }
 
-/// The rectal end of the first and the cecal end of the last of the segments.
-fn outermost(lumen: &Lumen, which: Range<usize>) -> [DVec3; 2] {
-    if lumen.ordered {
-        return [lumen.segments[which.start].ends[0], lumen.segments[which.end - 1].ends[1]];
-    }
-    lumen.segments[lumen.largest().unwrap_or(which.start)].ends
-}
-
 /// The ends of the largest segment and of those that fluid joins to it, one after the other.
 fn joined(lumen: &Lumen) -> [DVec3; 2] {
     let which = joined_segments(lumen);
@@ -192,7 +184,7 @@ fn joined(lumen: &Lumen) -> [DVec3; 2] {
     if which.len() > 1 {
         say(&format!("{} segments of gas are joined through tagged fluid", which.len()));
     }
-    outermost(lumen, which)
+    lumen.outermost(which)
 }
 
 /// The largest segment and those that fluid joins to it, one after the other.
@@ -353,8 +345,8 @@ mod tests {
         assert_eq!(joined(&lumen(&[(3.0, &[1]), (2.0, &[0])], true)), ends([0, 1]));
         assert_eq!(joined(&lumen(&[(3.0, &[]), (2.0, &[])], true)), ends([0, 0]));
         assert_eq!(joined(&lumen(&[], true)), [DVec3::ZERO; 2]);
-        assert_eq!(outermost(&lumen(&chain, true), 0..5), ends([0, 4]));
-        assert_eq!(outermost(&lumen(&chain, false), 0..5), ends([2, 2]));
+        assert_eq!(lumen(&chain, true).outermost(0..5), ends([0, 4]));
+        assert_eq!(lumen(&chain, false).outermost(0..5), ends([2, 2]));
     }
 
     #[test]

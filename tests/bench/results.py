@@ -346,7 +346,12 @@ def fields(b):
         lines.append("This run measured no other program (`--fields-peer`).")
     read, said, command = b.report("fields", *(["--scan", b.args.scan] if b.args.scan else []))
     lines += [command_block(command), findings(said)]
-    return lines + [table(*read(name)) for name in ("distance-methods", "centerline-methods", "preparation")]
+    lines += [table(*read(name)) for name in ("distance-methods", "centerline-methods", "preparation")]
+    head, rows = read("slices")
+    skips, order, parts, status = (head.index(k) for k in ("skips", "segments in order", "parts in order", "exit status"))
+    faults = [r for r in rows if r[status] != "0" or r[skips] != "0" or r[order] != "yes" or r[parts] != "yes"]
+    lines.append(f"### Thick slices, noise and thin walls: {len(faults)} of {len(rows)} volumes with a fault")
+    return lines + ([table(head, faults)] if faults else [])
 
 
 def render(b):

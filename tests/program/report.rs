@@ -311,9 +311,9 @@ fn fields_are_reported() {
     let out = dir.path().join("f");
     let said = run(&["report", "fields", "--quick", "--out", out.to_str().unwrap()], 0);
     let said = String::from_utf8_lossy(&said.stdout).into_owned();
-    let html = page(&out, 2);
+    let html = page(&out, 3);
     assert!(
-        said.lines().count() == 4 && said.lines().take(3).all(|l| html.contains(&l.replace('&', "&amp;"))),
+        said.lines().count() == 5 && said.lines().take(4).all(|l| html.contains(&l.replace('&', "&amp;"))),
         "{said}"
     );
     let number = |r: &[String], c: usize| r[c].parse::<f64>().unwrap();
@@ -329,4 +329,14 @@ fn fields_are_reported() {
         number(&rows[0], 6) < 0.1 && number(&rows[0], 6) < number(&rows[1], 6),
         "the exact one is nearer to the wall"
     );
+    let (columns, rows) = csv(&out.join("slices.csv"));
+    let column = |name: &str| columns.iter().position(|c| c == name).unwrap();
+    assert_eq!(rows.len(), 2 * (7 + 3), "seeds; settings with limbs that touch and without");
+    let [share, skips, skip, status] = ["share / %", "skips", "largest skip / mm", "exit status"].map(column);
+    for r in rows.iter().filter(|r| r[status] == "0") {
+        assert!((1.0..110.0).contains(&number(r, share)), "{r:?}");
+        assert_eq!(r[skips] == "0", r[skip].is_empty(), "{r:?}");
+        assert!(r[skip].is_empty() || number(r, skip) > 40.0, "{r:?}");
+    }
+    assert!(rows.iter().all(|r| r[status] == "0" || r[share].is_empty()));
 }

@@ -26,6 +26,7 @@ mod stretches;
 #[cfg(test)]
 mod tests;
 
+use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
@@ -548,6 +549,18 @@ impl Lumen {
     /// Returns the runs of gas that looked like a colon's and was judged to be none, labelled with the number of its kind.
     pub(in crate::fields) fn other(&self) -> &Rows {
         &self.other
+    }
+
+    /// Returns the rectal end of the first and the cecal end of the last of some segments, world, mm. If the order is not known, they
+    /// are the ends of the largest segment of all.
+    ///
+    /// # Panics
+    /// Panics if there is no such segment.
+    pub(crate) fn outermost(&self, which: Range<usize>) -> [DVec3; 2] {
+        if self.ordered {
+            return [self.segments[which.start].ends[0], self.segments[which.end - 1].ends[1]];
+        }
+        self.segments[self.largest().unwrap_or(which.start)].ends
     }
 
     /// Returns the segment with the most gas, if there is any.

@@ -2,6 +2,7 @@
 
 mod kinds;
 mod measure;
+mod slices;
 
 use std::path::Path;
 
@@ -50,19 +51,22 @@ pub(crate) fn report(
         let volume = phantom.voxelise(&phantom.grid(), progress)?;
         all.push(measure::measure(&format!("phantom, {name}, seed {seed}"), &volume, Some(&phantom), progress)?);
     }
-    let mut decided = None;
+    let (mut decided, mut sliced) = (None, Vec::new());
     if let Some((title, volume)) = scan {
         all.push(measure::measure(&title, &volume, None, progress)?);
+        sliced = slices::scan(effort, &title, &volume, progress)?;
         decided = Some((title, kinds::Decisions::of(&lumen::find(&volume, progress)?)));
     }
     let judged = kinds::phantoms(size, name, effort.choose(2, JUDGED), progress)?;
-    write(&all, &judged, decided.as_ref(), folder)
+    let sliced = [slices::phantoms(effort, size, seed, progress)?, sliced];
+    write(&all, &judged, decided.as_ref(), &sliced, folder)
 }
 
 fn write(
     all: &[Measured],
     judged: &[kinds::Judgement],
     decided: Option<&(String, kinds::Decisions)>,
+    [phantoms, scan]: &[Vec<slices::Run>; 2],
     folder: &Path,
 ) -> Result<Vec<String>> {
     let mut page = Page::new(folder, "colvis: distances to the wall and centerlines, error against time")?;
@@ -96,6 +100,11 @@ fn write(
         page.finding(f);
     }
     findings.extend(about_kinds);
+    let about_slices = slices::write(&mut page, phantoms, scan)?;
+    for f in &about_slices {
+        page.finding(f);
+    }
+    findings.extend(about_slices);
     page.finish()?;
     Ok(findings)
 }

@@ -1,0 +1,203 @@
+//! The section of the page: its plot, its table, and what they say.
+
+use super::skips::Skip;
+use super::{BASE, Found, Run, Setting};
+use crate::error::Result;
+use crate::report::page::Page;
+use crate::report::plot::{Plot, Point, Series};
+use crate::report::table::{Cell, Table};
+
+/// Writes the section. Returns the findings.
+///
+/// # Errors
+/// Returns status 5 if a file cannot be written.
+pub(in super::super) fn write(page: &mut Page, phantoms: &[Run], scan: &[Run]) -> Result<Vec<String>> {
+    page.section("What thick slices and noise do to the colon's length");
+    page.text(&format!(
+        "Two limbs of the colon may share a wall that is thinner than a slice. If a line passes through it, the line leaves out the \
+         stretch between the limbs. Each line leads from rectum to cecum, as \"colvis centerline --from rectum --to cecum\" finds it. A \
+         phantom's line is compared with the true one. One of slice thickness, noise and thickness of the wall varies at a time, from \
+         {} mm, {} HU and {} mm. A scan is averaged to thicker slices, white noise is added, and the line is compared with that of the \
+         scan as it is. A skip is a place where consecutive points of the line are nearest to points more than 40 mm apart along the \
+         line compared with; the table tells the largest one: where it begins and ends along that line, and its position (LPS). The \
+         table also tells where the whole line begins and ends along the line compared with. \
+         Segments are in order if they are said to run from rectum to cecum and do; \"wrong\" if they are said to and do not.",
+        BASE.slice_mm,
+        BASE.noise_hu,
+        BASE.wall_mm.unwrap_or_default(),
+    ));
+    page.plot(
+        "slice-length",
+        &plot(phantoms, scan),
+        "Length of the line found, in percent of the line compared with.",
+    )?;
+    page.table("slices", &table(phantoms.iter().chain(scan)))?;
+    let versions = scan.first().map_or(String::new(), |run| format!("versions of {}", run.volume));
+    Ok([finding("scans of phantoms", "the true line", phantoms), finding(&versions, "that of the scan as it is", scan)]
+        .into_iter()
+        .flatten()
+        .collect())
+}
+
+fn plot(phantoms: &[Run], scan: &[Run]) -> Plot {
+    let mut series: Vec<Series> = Vec::new();
+    let is_base = |s: Setting| s.noise_hu == BASE.noise_hu && (s.wall_mm.is_none() || s.wall_mm == BASE.wall_mm);
+    let shown = phantoms.iter().filter(|r| is_base(r.setting)).map(|r| (r, r.volume.clone()));
+    let scanned = scan.iter().map(|r| (r, format!("{}, noise of {} HU added", r.volume, r.setting.noise_hu)));
+    for (run, name) in shown.chain(scanned) {
+        let Some(y) = run.share() else { continue };
+        let point = Point { x: run.setting.slice_mm, y, name: run.seed.map_or(String::new(), |seed| seed.to_string()) };
+        match series.iter_mut().find(|s| s.name == name) {
+            Some(s) => s.points.push(point),
+            None => series.push(Series { name, points: vec![point], line: run.seed.is_none() }),
+        }
+    }
+    Plot {
+        title: "Length of the line over slice thickness; numbers are seeds".to_owned(),
+        x: "slice thickness / mm".to_owned(),
+        y: "share of the length / %".to_owned(),
+        front: false,
+        series,
+    }
+}
+
+pub(super) fn table<'a>(runs: impl Iterator<Item = &'a Run>) -> Table {
+    let mut t = Table::new(&[
+        "volume",
+        "slice / mm",
+        "noise / HU",
+        "wall / mm",
+        "seed",
+        "length / mm",
+        "compared with / mm",
+        "share / %",
+        "begins / mm",
+        "ends / mm",
+        "skips",
+        "largest skip / mm",
+        "where",
+        "narrowest / mm",
+        "guessed / mm",
+        "septum / voxels",
+        "segments",
+        "segments in order",
+        "parts in order",
+        "exit status",
+    ]);
+    for run in runs {
+        let count = |n: usize| Cell::Number(n as f64, 0);
+        let found = run.found.as_ref().ok();
+        let of = |cell: &dyn Fn(&Found) -> Cell| found.map(cell).into();
+        let largest = run.largest_skip();
+        let place = |s: &Skip| {
+            let ([a, b], at) = (s.between_mm, s.at);
+            Cell::Text(format!("{a:.0} to {b:.0} mm at ({:.0} {:.0} {:.0})", at.x, at.y, at.z))
+        };
+        let Setting { slice_mm, noise_hu, wall_mm } = run.setting;
+        t.row(vec![
+            run.volume.as_str().into(),
+            Cell::Number(slice_mm, 1),
+            Cell::Number(noise_hu, 0),
+            wall_mm.map(|mm| Cell::Number(mm, 1)).into(),
+            run.seed.map(|n| Cell::Number(n as f64, 0)).into(),
+            of(&|f| Cell::Number(f.length_mm, 0)),
+            Cell::Number(run.reference_mm, 0),
+            run.share().map(|share| Cell::Number(share, 1)).into(),
+            of(&|f| Cell::Number(f.ends_mm[0], 0)),
+            of(&|f| Cell::Number(f.ends_mm[1], 0)),
+            of(&|f| count(f.skips.len())),
+            largest.map(|s| Cell::Number(s.mm(), 0)).into(),
+            largest.map(place).into(),
+            of(&|f| f.narrowest_mm.map(|mm| Cell::Number(mm, 1)).into()),
+            of(&|f| Cell::Number(f.guessed_mm, 0)),
+            of(&|f| count(f.septum_voxels)),
+            of(&|f| count(f.segments)),
+            of(&|f| f.order.into()),
+            of(&|f| if f.parts { "yes" } else { "no" }.into()),
+            run.found.as_ref().map_or_else(|why| why.as_str(), |_| "0").into(),
+        ]);
+    }
+    t
+}
+
+/// Returns what the runs say, in a sentence or two; `None` if there are none.
+pub(super) fn finding(subject: &str, reference: &str, runs: &[Run]) -> Option<String> {
+    let range = |of: &dyn Fn(&Run) -> Option<f64>, digits: usize| {
+        let values = runs.iter().filter_map(of);
+        let (least, most) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+        (least <= most).then(|| format!("{least:.digits$} to {most:.digits$}"))
+    };
+    let slices = range(&|r| Some(r.setting.slice_mm), 1)?;
+    let noises = range(&|r| Some(r.setting.noise_hu), 0)?;
+    let mut out = format!("In {} {subject}, with slices of {slices} mm and noise of {noises} HU, ", runs.len());
+    match range(&|r| r.share(), 1) {
+        Some(shares) => out.push_str(&format!("the centerline is {shares} % as long as {reference}. ")),
+        None => out.push_str("no centerline is found. "),
+    }
+    let count = |is: &dyn Fn(&Run) -> bool| runs.iter().filter(|r| is(r)).count();
+    let worst = runs.iter().filter_map(|r| Some((r, r.largest_skip()?.mm()))).max_by(|a, b| a.1.total_cmp(&b.1));
+    match worst {
+        Some((run, mm)) => {
+            let skipping = count(&|r| r.largest_skip().is_some());
+            let word = if skipping == 1 { "line skips" } else { "lines skip" };
+            out.push_str(&format!(
+                "{skipping} {word} a stretch of the colon, the longest {mm:.0} mm ({})",
+                run.words()
+            ));
+        }
+        None => out.push_str("No line skips a stretch of the colon"),
+    }
+    let order = |word: &str| count(&|r| r.found.as_ref().is_ok_and(|f| f.order == word));
+    let (failed, not_ordered, wrong) = (count(&|r| r.found.is_err()), order("no"), order("wrong"));
+    let others =
+        [(failed, "without a line"), (not_ordered, "without an order"), (wrong, "with segments in a wrong order")];
+    let others = others.iter().filter(|o| o.0 > 0).map(|(n, what)| format!("{n} {what}")).collect::<Vec<_>>();
+    if !others.is_empty() {
+        out.push_str(&format!("; volumes that fail otherwise: {}", others.join(", ")));
+    }
+    Some(out + ".")
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    #[test]
+    fn findings_follow_the_numbers() {
+        let found = |skips: Vec<Skip>, order: &'static str| Found {
+            length_mm: 900.0,
+            ends_mm: [2.0, 998.0],
+            skips,
+            narrowest_mm: Some(1.0),
+            guessed_mm: 0.0,
+            septum_voxels: 3,
+            segments: 1,
+            order,
+            parts: true,
+        };
+        let run = |found| Run {
+            volume: "phantom".to_owned(),
+            setting: BASE,
+            seed: Some(2),
+            reference_mm: 1000.0,
+            found: Ok(found),
+        };
+        let say = |runs: &[Run]| finding("phantoms", "the true line", runs).unwrap();
+        let good = run(found(Vec::new(), "yes"));
+        let said = say(&[good.clone()]);
+        assert!(
+            said.contains("90.0 to 90.0 % as long") && said.ends_with("No line skips a stretch of the colon."),
+            "{said}"
+        );
+        let skip = |mm: f64| Skip { between_mm: [100.0, 100.0 + mm], at: DVec3::ZERO };
+        let bad = run(found(vec![skip(50.0), skip(321.0)], "wrong"));
+        let said = say(&[good, bad.clone()]);
+        assert!(said.contains("1 line skips a stretch of the colon, the longest 321 mm (3 mm slices, 25 HU noise, 0.7 mm wall, seed 2)"), "{said}");
+        assert!(said.ends_with("1 with segments in a wrong order."), "{said}");
+        let csv = table([&bad].into_iter()).csv();
+        assert!(csv.contains(",2,998,2,321,100 to 421 mm at (0 0 0),"), "{csv}");
+        assert_eq!(finding("phantoms", "the true line", &[]), None);
+    }
+}
