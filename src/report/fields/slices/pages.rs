@@ -149,11 +149,16 @@ pub(super) fn finding(subject: &str, reference: &str, runs: &[Run]) -> Option<St
     }
     let order = |word: &str| count(&|r| r.found.as_ref().is_ok_and(|f| f.order == word));
     let (failed, not_ordered, wrong) = (count(&|r| r.found.is_err()), order("no"), order("wrong"));
-    let others =
-        [(failed, "without a line"), (not_ordered, "without an order"), (wrong, "with segments in a wrong order")];
+    let incomplete = count(&|r| r.found.as_ref().is_ok_and(|f| !f.parts));
+    let others = [
+        (failed, "without a line"),
+        (not_ordered, "without an order"),
+        (incomplete, "without all parts on the line"),
+        (wrong, "with segments in a wrong order"),
+    ];
     let others = others.iter().filter(|o| o.0 > 0).map(|(n, what)| format!("{n} {what}")).collect::<Vec<_>>();
     if !others.is_empty() {
-        out.push_str(&format!("; volumes that fail otherwise: {}", others.join(", ")));
+        out.push_str(&format!("; of all volumes, {}", others.join(", ")));
     }
     Some(out + ".")
 }
