@@ -278,14 +278,12 @@ fn wide(grid: &Grid, voxels: &[usize]) -> Vec<usize> {
                 for dj in -2..=2i64 {
                     let middle = v + (nx as i64) * (dj + ny as i64 * dk);
                     let first = voxels.partition_point(|&o| (o as i64) < middle - 2);
-                    for m in first..voxels.len() {
-                        if voxels[m] as i64 > middle + 2 {
-                            break;
-                        }
+                    let near = (first..voxels.len()).take_while(|&m| voxels[m] as i64 <= middle + 2);
+                    near.for_each(|m| {
                         if !std::mem::replace(&mut seen[m], true) {
                             patch.push(m);
                         }
-                    }
+                    });
                 }
             }
         }
