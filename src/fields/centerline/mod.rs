@@ -202,17 +202,15 @@ fn search(
     progress: &Progress,
 ) -> Result<Centerline> {
     progress.stage("finding the centerline", 0);
-    // Where a body passes, if there is such a way.
-    let cells = Cells::of(walls, BODY_MM, progress)?;
-    if let Some(line) = (Planner { method, smooth, walls, cells: &cells, progress }).route(from, to)? {
-        return Ok(line);
-    }
     let cells = Cells::of(walls, 0.0, progress)?;
     let planner = Planner { method, smooth, walls, cells: &cells, progress };
-    match planner.route(from, to)? {
-        Some(line) => Ok(line),
-        None => planner.bridged(from, to, guesses),
+    let Some(line) = planner.route(from, to)? else { return planner.bridged(from, to, guesses) };
+    if line.narrows(BODY_MM).is_empty() {
+        return Ok(line);
     }
+    // Where a body passes, if there is such a way.
+    let open = Cells::of(walls, BODY_MM, progress)?;
+    Ok(Planner { cells: &open, ..planner }.route(from, to)?.unwrap_or(line))
 }
 
 /// Returns the two ends of the lumen's piece with the most voxels, world, mm, the lower one first. They are the

@@ -622,6 +622,8 @@ impl Lumen {
 
     /// Returns the size in memory, bytes.
     pub fn bytes(&self) -> usize {
-        self.gas.bytes() + self.fluid.bytes() + self.other.bytes() + self.segments.capacity() * size_of::<Segment>()
+        let rows = self.gas.bytes() + self.fluid.bytes() + self.other.bytes();
+        let along = self.along.get().map_or(0, |a| a.bytes());
+        rows + along + size_of_val(self.septa.as_slice()) + self.segments.capacity() * size_of::<Segment>()
     }
 }
