@@ -437,9 +437,9 @@ fn ridges(volume: &Volume, core: &Rows, noise: f64, progress: &Progress) -> Resu
     let (high, half): (Vec<_>, Vec<_>) = found.collect::<Result<Vec<_>>>()?.into_iter().unzip();
     let (mut all, half) = (high.concat(), half.concat());
     let mut taken = vec![false; half.len()];
-    for n in 0..all.len() {
+    for &ridge in &all {
         for row in [-1, 0, 1].into_iter().flat_map(|k| [-1, 0, 1].map(|j| nx as i64 * (j + ny as i64 * k))) {
-            let middle = all[n] as i64 + row;
+            let middle = ridge as i64 + row;
             let first = half.partition_point(|&h| (h as i64) < middle - 1);
             let near = (first..half.len()).take_while(|&h| half[h] as i64 <= middle + 1);
             near.for_each(|h| taken[h] = true);

@@ -191,7 +191,7 @@ mod tests {
         };
         let say = |runs: &[Run]| finding("phantoms", "the true line", runs).unwrap();
         let good = run(found(Vec::new(), "yes"));
-        let said = say(&[good.clone()]);
+        let said = say(std::slice::from_ref(&good));
         assert!(
             said.contains("90.0 to 90.0 % as long") && said.ends_with("No line skips a stretch of the colon."),
             "{said}"
