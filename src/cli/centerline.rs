@@ -23,8 +23,6 @@ use crate::volume::Volume;
 const SNAP_MM: f64 = 5.0;
 /// Maximum number of narrow places that are told …
 const MOST_NARROWS: usize = 10;
-/// … and their least distance from an end of the line, mm: an end may lie in a corner.
-const END_MM: f64 = 3.0;
 
 /// Format of the line's file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,7 +70,7 @@ pub(crate) fn run(args: &CenterlineArgs, global: &Global, progress: &Progress) -
         say(&format!("from {a:.0} to {b:.0} mm the lumen is collapsed: the line is a guess there"));
     }
     let narrows = line.narrows(centerline::BODY_MM);
-    for n in narrows.iter().filter(|n| n.along_mm > END_MM && n.along_mm < line.length_mm - END_MM).take(MOST_NARROWS) {
+    for n in line.impassable().into_iter().take(MOST_NARROWS) {
         let (at, wide) = (n.at, 2.0 * n.radius_mm);
         say(&format!(
             "at {:.1},{:.1},{:.1}, {:.0} mm along, the lumen is {wide:.1} mm wide: the camera does not fit through",

@@ -29,6 +29,8 @@ pub(in crate::fields) use polyline::{length, smoothed, spaced};
 const STEP_MM: f64 = 1.0;
 /// Radius of the body that an opening should let pass, mm: the camera's.
 pub const BODY_MM: f64 = 1.5;
+/// What is narrow this close to an end of a line is the end's own place, mm.
+const END_MM: f64 = 3.0;
 /// Maximum distance over which a point outside the lumen is moved into it, mm.
 const SNAP_MM: f64 = 5.0;
 /// Clearance at which narrowness begins to add cost, mm.
@@ -90,6 +92,13 @@ impl Centerline {
             }
         }
         found
+    }
+
+    /// Returns the stretches through which the camera does not fit, in order. What is narrow at the line's ends alone is none: a line may
+    /// begin at the wall.
+    pub fn impassable(&self) -> Vec<Narrow> {
+        let is_inner = |n: &Narrow| n.along_mm > END_MM && n.along_mm < self.length_mm - END_MM;
+        self.narrows(BODY_MM).into_iter().filter(is_inner).collect()
     }
 }
 
@@ -205,7 +214,7 @@ fn search(
     let cells = Cells::of(walls, 0.0, progress)?;
     let planner = Planner { method, smooth, walls, cells: &cells, progress };
     let Some(line) = planner.route(from, to)? else { return planner.bridged(from, to, guesses) };
-    if line.narrows(BODY_MM).is_empty() {
+    if line.impassable().is_empty() {
         return Ok(line);
     }
     // Where a body passes, if there is such a way.

@@ -220,7 +220,7 @@ impl Graph {
 }
 
 /// Returns the voxels along each side of a cell.
-fn cell(grid: &Grid) -> [usize; 3] {
+pub(super) fn cell(grid: &Grid) -> [usize; 3] {
     std::array::from_fn(|a| ((CELL_MM / grid.spacing()[a]).ceil() as usize).max(1))
 }
 
