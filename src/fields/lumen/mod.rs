@@ -250,7 +250,7 @@ impl Bodies {
     fn of(volume: &Volume, core: Core, graph: &Graph, frame: Frame, progress: &Progress) -> Result<Self> {
         let Core { rows: core, count, septa: leaks, hiding } = core;
         let grid = volume.grid();
-        let grown = septa::Grown::of(volume, &core, graph, hiding.far_mm(), progress)?;
+        let grown = septa::Grown::of(volume, &core, graph, hiding, progress)?;
         drop(core);
         let gas = grown.gas();
         let (found, fluid) = rayon::join(

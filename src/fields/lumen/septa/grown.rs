@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 
 use rayon::prelude::*;
 
+use super::Hiding;
 use super::places::Places;
 use crate::error::Result;
 use crate::fields::lumen::fluid::Fluid;
@@ -19,6 +20,9 @@ const DIM_HU: i16 = -200;
 /// Two pieces of gas that touch in an area of at least this are parted by a septum, mm²: as wide an opening would show gas in its
 /// middle.
 const SEPTUM_MM2: f64 = 20.0;
+/// Where no septum is hidden, parts that are far apart and touch in less than this meet at a pinhole that no camera passes, mm²: the
+/// cross section of a body of 1.5 mm.
+const PINHOLE_MM2: f64 = 7.0;
 
 /// The gas grown from its core, by the parts of the core.
 ///
@@ -34,6 +38,7 @@ pub(in crate::fields::lumen) struct Grown {
     labels: Vec<u32>,
     pub(super) places: Places,
     pub(super) far: u32,
+    hiding: Hiding,
 }
 
 /// Where a node is in its piece of gas. Two nodes of a piece are at least as many contacts apart as their numbers differ.
@@ -51,11 +56,11 @@ impl Hop {
 }
 
 impl Grown {
-    /// Grows the core, whose runs made `graph`, to the wall's middle. Parts are far apart if the way between them through the core is
-    /// longer than `far_mm`, counted along the axes.
-    pub(crate) fn of(volume: &Volume, core: &Rows, graph: &Graph, far_mm: f64, progress: &Progress) -> Result<Self> {
+    /// Grows the core, whose runs made `graph`, to the wall's middle. How far apart parts are that should not meet depends on what
+    /// hides septa, if anything.
+    pub(crate) fn of(volume: &Volume, core: &Rows, graph: &Graph, hiding: Hiding, progress: &Progress) -> Result<Self> {
         let grid = volume.grid();
-        let far = graph.far_hops(grid, far_mm);
+        let far = graph.far_hops(grid, hiding.far_mm());
         let places = Places::of(grid, graph, hops(graph));
         // Two parts grow by as much each, and meet across a corner at most.
         let alone = places.alone(2 * GROWTH + 1, far);
@@ -75,7 +80,7 @@ impl Grown {
         }
         let parts = graph.labelled(grid, core, |node| number[node as usize], progress)?;
         let parts = grow(volume, parts, GAS_HU, GROWTH, progress)?;
-        Ok(Self { parts, hops, labels, places, far })
+        Ok(Self { parts, hops, labels, places, far, hiding })
     }
 
     /// Returns the gas, labelled as the core is.
@@ -127,9 +132,14 @@ impl Grown {
         });
         let (sure, pieces): (Vec<_>, Vec<_>) = slices.collect::<Result<Vec<_>>>()?.into_iter().unzip();
         let (mut septa, mut pieces) = (sure.concat(), pieces.concat());
-        pieces.sort_unstable();
-        pieces.dedup();
-        septa.extend(wide(grid, &pieces));
+        for found in [&mut septa, &mut pieces] {
+            found.sort_unstable();
+            found.dedup();
+        }
+        if !self.hiding.is_likely {
+            septa = wide(grid, &septa, PINHOLE_MM2);
+        }
+        septa.extend(wide(grid, &pieces, SEPTUM_MM2));
         septa.sort_unstable();
         septa.dedup();
         Ok(septa)
@@ -194,14 +204,14 @@ enum Between {
     Pieces,
 }
 
-/// Returns the voxels (linear indices, ascending) that belong to a patch of at least [`SEPTUM_MM2`]. Voxels are of one patch if
-/// their indices differ by at most two.
-pub(super) fn wide(grid: &Grid, voxels: &[usize]) -> Vec<usize> {
+/// Returns the voxels (linear indices, ascending) that belong to a patch of at least `mm2`. Voxels are of one patch if their
+/// indices differ by at most two.
+pub(super) fn wide(grid: &Grid, voxels: &[usize], mm2: f64) -> Vec<usize> {
     let [nx, ny, _] = grid.dims();
     let spacing = grid.spacing();
     // A voxel's face as it is seen from the direction in which the patch is largest is not known: the mean of the three.
     let face = (spacing.x * spacing.y + spacing.y * spacing.z + spacing.z * spacing.x) / 3.0;
-    let least = (SEPTUM_MM2 / face).ceil() as usize;
+    let least = (mm2 / face).ceil() as usize;
     let mut seen = vec![false; voxels.len()];
     let mut out = Vec::new();
     for n in 0..voxels.len() {

@@ -113,8 +113,8 @@ fn patches_smaller_than_a_septum_are_openings() {
         |side: usize, at: usize| (0..side * side).map(move |n| (at + n % side) + 40 * (at + n / side + 40 * at));
     let mut voxels: Vec<usize> = square(4, 5).chain(square(5, 20)).collect();
     voxels.sort_unstable();
-    let kept = wide(&grid, &voxels);
+    let kept = wide(&grid, &voxels, 20.0);
     assert!(kept.len() == 25 && kept.iter().all(|v| v % 40 >= 20));
     let nothing: [usize; 0] = [];
-    assert_eq!(wide(&grid, &nothing), nothing);
+    assert_eq!(wide(&grid, &nothing, 20.0), nothing);
 }
