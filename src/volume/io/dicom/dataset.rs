@@ -19,8 +19,11 @@ const SEQUENCE_END: Tag = (0xFFFE, 0xE0DD);
 const TRANSFER_SYNTAX: Tag = (0x0002, 0x0010);
 /// The length that means "until the delimiter".
 const UNDEFINED: u32 = u32::MAX;
-/// Maximum length of a value, bytes. Longer ones (curves, look-up tables, private blobs) are skipped.
+/// Maximum length of a value, bytes. Longer ones (curves, private blobs) are skipped, but for …
 const LONGEST_VALUE: usize = 1 << 16;
+/// … the data of a look-up table, of 65536 entries at most.
+const LUT_DATA: Tag = (0x0028, 0x3006);
+const LONGEST_LUT: usize = 1 << 17;
 /// Maximum depth of nested sequences.
 const DEEPEST: u32 = 12;
 /// Maximum unpacked size of a deflated data set, bytes.
@@ -71,11 +74,24 @@ impl Item {
 
     /// Returns an unsigned short.
     pub(crate) fn short(&self, tag: Tag) -> Option<u16> {
-        let b: [u8; 2] = self.values.get(&tag)?.get(..2)?.try_into().ok()?;
-        Some(match self.order {
-            ByteOrder::Little => u16::from_le_bytes(b),
-            ByteOrder::Big => u16::from_be_bytes(b),
-        })
+        self.values.get(&tag)?.first_chunk().map(|b| self.word(*b))
+    }
+
+    /// Returns the unsigned shorts of an element.
+    pub(crate) fn shorts(&self, tag: Tag) -> Option<Vec<u16>> {
+        Some(self.values.get(&tag)?.as_chunks().0.iter().map(|b| self.word(*b)).collect())
+    }
+
+    /// Returns the bytes of an element.
+    pub(crate) fn bytes(&self, tag: Tag) -> Option<&[u8]> {
+        self.values.get(&tag).map(Vec::as_slice)
+    }
+
+    fn word(&self, bytes: [u8; 2]) -> u16 {
+        match self.order {
+            ByteOrder::Little => u16::from_le_bytes(bytes),
+            ByteOrder::Big => u16::from_be_bytes(bytes),
+        }
     }
 
     /// Returns the items of a sequence.
@@ -240,7 +256,8 @@ impl<'a> Walk<'a> {
         let sequence = &vr == b"SQ" || length == UNDEFINED || (&vr == b"\0\0" && self.looks_like_items(length));
         if !sequence {
             let value = self.take(length as usize)?;
-            if value.len() <= LONGEST_VALUE && tag.0 % 2 == 0 {
+            let longest = if tag == LUT_DATA { LONGEST_LUT } else { LONGEST_VALUE };
+            if value.len() <= longest && tag.0 % 2 == 0 {
                 into.values.insert(tag, value.to_vec());
             }
             return Ok(());
