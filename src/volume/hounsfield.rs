@@ -27,8 +27,8 @@ pub(crate) enum Oddity {
         /// How much values are too high.
         by: i32,
     },
-    /// Values lie within 0 and 1.
-    Unit,
+    /// Values lie within this, 0 or −1, and 1.
+    Unit(i16),
     /// Values lie within 0 and 255.
     Grey,
     /// There is no air: least and greatest value.
@@ -42,8 +42,8 @@ impl fmt::Display for Oddity {
                 let way = if *by > 0 { "too high" } else { "too low" };
                 write!(f, "its air lies near {gas}, not near -1000 HU: values are {way} by about {}", by.abs())
             }
-            Self::Unit => {
-                f.write_str("no voxel near -1000 HU: values lie within 0 and 1, as those of a normalised scan do")
+            Self::Unit(low) => {
+                write!(f, "no voxel near -1000 HU: values lie within {low} and 1, as those of a normalised scan do")
             }
             Self::Grey => f.write_str("no voxel near -1000 HU: values lie within 0 and 255, as grey levels do"),
             Self::NoAir(low, high) => write!(f, "no voxel near -1000 HU: values lie within {low} and {high}"),
@@ -145,7 +145,7 @@ impl Histogram {
         Verdict::Odd(match offset {
             Some(odd) => odd,
             None if padding > 0 => return Verdict::Hu,
-            None if low >= 0 && high <= 1 => Oddity::Unit,
+            None if low >= -1 && high <= 1 => Oddity::Unit(low as i16),
             None if low >= 0 && high <= 255 => Oddity::Grey,
             None => Oddity::NoAir(low as i16, high as i16),
         })
@@ -222,7 +222,7 @@ mod tests {
             let padded = oddity(&scan(air, |v| if v > 690.0 { -1024.0 } else { v + 1024.0 }));
             assert!(matches!(padded, Some(Oddity::Offset { .. })), "{padded:?}");
         }
-        assert_eq!(oddity(&scan(20, |v| ((v + 1000.0) / 2000.0).clamp(0.0, 1.0))), Some(Oddity::Unit));
+        assert_eq!(oddity(&scan(20, |v| ((v + 1000.0) / 2000.0).clamp(0.0, 1.0))), Some(Oddity::Unit(0)));
         assert_eq!(oddity(&scan(20, |v| ((v + 1000.0) / 8.0).clamp(0.0, 255.0))), Some(Oddity::Grey));
         let without = oddity(&scan(0, |v| v));
         assert!(without.is_some_and(|o| !o.is_clear() && o.to_string().starts_with("no voxel near -1000 HU")));

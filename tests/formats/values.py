@@ -4,8 +4,8 @@
 
 writes, for each case, FOLDER/CASE/*.dcm and FOLDER/CASE.i16 (HU, little-endian, slice by slice), and FOLDER/cases.json, the list
 of {"name", "unlike": why pydicom itself is not the judge, or null}. Where pydicom has no decoder, or another opinion than the
-standard, the HU are those that were written. Codecs need pyjpegls, pylibjpeg-openjpeg, imagecodecs; without one its cases are left
-out.
+standard, the HU are those that were written. Codecs need pyjpegls, pylibjpeg-openjpeg, imagecodecs and Pillow;
+without one its cases are left out.
 """
 
 import importlib.util
@@ -111,7 +111,7 @@ def pieces(code, size=400):
 def codecs():
     """(name, syntax, encode(array of uint16, bits), pydicom can judge)"""
     out = []
-    if importlib.util.find_spec("openjpeg"):
+    if importlib.util.find_spec("openjpeg") and importlib.util.find_spec("PIL"):
         import openjpeg.utils
 
         encode = lambda a, n: openjpeg.utils.encode_array(a, bits_stored=n, photometric_interpretation=2)
@@ -173,7 +173,7 @@ def streams(cases, v):
         grey = (v % 200).astype(np.uint8)
         files = [packed(header(k, RescaleIntercept=-1024, PixelRepresentation=0), syntax, [bytes(encode(grey[k], 8))]) for k in range(NZ)]
         cases.add(f"{codec}_eight_bits", files, grey.astype(np.int32) - 1024, None if judged else own)
-    if importlib.util.find_spec("imagecodecs"):
+    if importlib.util.find_spec("imagecodecs") and importlib.util.find_spec("PIL"):
         import imagecodecs
 
         # JPEG 2000 itself knows signed samples.
@@ -234,6 +234,15 @@ def plain(cases, v):
     cases.add("slopes", slopes)
     own = [native(header(k, RescaleSlope=1 + k, RescaleIntercept=-1024 * k), v[k], "<i2") for k in every]
     cases.add("own_slopes", own)
+    floats = []
+    for k in every:
+        for name, dtype in [("FloatPixelData", "<f4"), ("DoubleFloatPixelData", "<f8")]:
+            if (k % 2 == 0) == (dtype == "<f4"):
+                d = header(k, BitsAllocated=int(dtype[2]) * 8, BitsStored=None, HighBit=None, PixelRepresentation=None)
+                d.RescaleSlope, d.RescaleIntercept = 2, -7
+                setattr(d, name, ((v[k] + 7) / 2).astype(dtype).tobytes())
+                floats.append((d, ExplicitVRLittleEndian))
+    cases.add("floats", floats, v)
     big = [native(header(k), v[k], ">i2", ExplicitVRBigEndian) for k in every]
     cases.add("big_endian", big, v)
     no = dict(RescaleSlope=None, RescaleIntercept=None)

@@ -87,7 +87,7 @@ fn what_is_no_hu_is_refused_and_listed() {
     // Common writers give every image the type US: its values tell.
     let us = |s: Slice| Slice { units: "US", ..s };
     let told = notes(with(us).path());
-    assert_eq!(told, ["RescaleType is US, which does not tell HU: its values are taken for HU"]);
+    assert_eq!(told, ["RescaleType is US (unspecified): its values are taken for HU"]);
     let raw = |s: Slice| Slice { intercept: "0", ..us(s) };
     let e = load(with(raw).path()).unwrap_err();
     assert!(e.why.contains("RescaleType is US") && e.why.contains("too high by about 102"), "{e}");
@@ -95,6 +95,9 @@ fn what_is_no_hu_is_refused_and_listed() {
     let e = load(with(bare).path()).unwrap_err();
     assert!(e.why.starts_with("has no RescaleSlope and RescaleIntercept, and its air lies near 2"), "{e}");
     let low = |s: Slice| Slice { pixels: s.pixels.iter().map(|p| p.wrapping_sub(1024)).collect(), ..bare(s) };
+    let odd = "has no RescaleSlope and RescaleIntercept, and its air lies near 2";
+    let (_, told) = io::inspect(with(bare).path(), &io::LoadOptions::default(), &Progress::new()).unwrap();
+    assert!(told.len() == 1 && told[0].starts_with(odd), "{told:?}");
     assert_eq!(notes(with(low).path()), ["has no RescaleSlope and RescaleIntercept: its values are taken for HU"]);
 }
 

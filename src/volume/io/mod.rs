@@ -197,13 +197,19 @@ fn read(
         let volume = padding::to_air(volume, &mut notes);
         let odd = hounsfield::oddity(&volume);
         match (units, odd) {
-            (Units::Doubtful(why), Some(odd)) if odd.is_clear() && modality == Modality::Ct => {
-                return Err(Error::file(path, format!("{why}, and {odd}"), "export it in HU"));
+            (Units::Doubtful(why), Some(odd)) if odd.is_clear() => {
+                let why = format!("{why}, and {odd}");
+                if modality == Modality::Ct {
+                    return Err(Error::file(path, why, "export it in HU"));
+                }
+                notes.push(why);
             }
-            (Units::Doubtful(why), _) => notes.push(format!("{why}: its values are taken for HU")),
-            _ => {}
+            (Units::Doubtful(why), odd) => {
+                notes.push(format!("{why}: its values are taken for HU"));
+                notes.extend(odd.map(|odd| odd.to_string()));
+            }
+            (_, odd) => notes.extend(odd.map(|odd| odd.to_string())),
         }
-        notes.extend(odd.map(|odd| odd.to_string()));
         notes.extend(thick_slices(volume.grid()));
         volume
     };

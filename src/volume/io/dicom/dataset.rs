@@ -13,6 +13,8 @@ use crate::volume::io::raw::ByteOrder;
 pub(crate) type Tag = (u16, u16);
 
 const PIXEL_DATA: Tag = (0x7FE0, 0x0010);
+/// Pixel data of single and of double precision.
+const FLOAT_PIXEL_DATA: [Tag; 2] = [(0x7FE0, 0x0008), (0x7FE0, 0x0009)];
 const ITEM: Tag = (0xFFFE, 0xE000);
 const ITEM_END: Tag = (0xFFFE, 0xE00D);
 const SEQUENCE_END: Tag = (0xFFFE, 0xE0DD);
@@ -107,6 +109,8 @@ pub(crate) struct PixelPlace {
     pub offset: usize,
     /// Length in bytes; `None` for encapsulated fragments.
     pub length: Option<usize>,
+    /// True if samples are floats.
+    pub is_float: bool,
 }
 
 /// The elements of a file up to its pixel data.
@@ -247,9 +251,10 @@ impl<'a> Walk<'a> {
     fn element(&mut self, into: &mut Item, depth: u32) -> Result<(), Fault> {
         let tag = self.tag()?;
         let (vr, length) = self.representation()?;
-        if tag == PIXEL_DATA && depth == 0 {
+        let is_float = FLOAT_PIXEL_DATA.contains(&tag);
+        if (tag == PIXEL_DATA || is_float) && depth == 0 {
             let length = (length != UNDEFINED).then_some(length as usize);
-            self.pixels = Some(PixelPlace { offset: self.at, length });
+            self.pixels = Some(PixelPlace { offset: self.at, length, is_float });
             return Ok(());
         }
         // A value of unknown representation and undefined length is a sequence in implicit form (PS3.5, 6.2.2).
@@ -389,7 +394,7 @@ mod tests {
         let items = set.root.items((0x0008, 0x1140));
         assert_eq!(items[0].short((0x0028, 0x0010)), Some(7));
         assert_eq!(items[0].items((0x0008, 0x1141)).len(), 1);
-        assert_eq!(set.pixels, Some(PixelPlace { offset: bytes.len() - 2, length: Some(2) }));
+        assert_eq!(set.pixels, Some(PixelPlace { offset: bytes.len() - 2, length: Some(2), is_float: false }));
     }
 
     #[test]
@@ -412,7 +417,7 @@ mod tests {
         let (set, _) = parse(&bytes).unwrap();
         assert_eq!(set.root.items((0x0008, 0x1140))[0].short((0x0028, 0x0010)), Some(7));
         assert_eq!(set.root.short((0x0028, 0x0011)), Some(9));
-        assert_eq!(set.pixels, Some(PixelPlace { offset: bytes.len() - 2, length: Some(2) }));
+        assert_eq!(set.pixels, Some(PixelPlace { offset: bytes.len() - 2, length: Some(2), is_float: false }));
     }
 
     #[test]
@@ -425,7 +430,7 @@ mod tests {
         assert_eq!(set.root.short((0x0028, 0x0011)), Some(9));
         assert_eq!(set.root.items((0x0008, 0x1140))[0].short((0x0028, 0x0010)), Some(7));
         assert_eq!(set.root.decimal((0x0018, 0x0050)), Some(0.625), "ten bytes that do not begin as an item does");
-        assert_eq!(set.pixels, Some(PixelPlace { offset: bytes.len() - 2, length: Some(2) }));
+        assert_eq!(set.pixels, Some(PixelPlace { offset: bytes.len() - 2, length: Some(2), is_float: false }));
     }
 
     #[test]

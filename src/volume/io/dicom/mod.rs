@@ -188,6 +188,7 @@ fn volume(input: &Path, stack: Stack, notes: &mut Vec<String>, progress: &Progre
     data.resize(count, 0);
     progress.stage("reading", stack.slices.len() as u64);
     let padded = pixels::decode(&stack.slices, &mut data, progress)?;
+    notes.extend(super::strange_note(padded.strange));
     if padded.air > 0 {
         notes.push(format!("{} voxels hold the padding value of the header and became air", padded.air));
     }

@@ -48,7 +48,11 @@ fn codec(path: &Path, syntax: &str) -> Result<Codec> {
 /// # Errors
 /// Returns status 3 with the transfer syntax.
 pub(crate) fn check_syntax(file: &FileHead) -> Result<()> {
-    codec(&file.path, &file.syntax).map(drop)
+    match codec(&file.path, &file.syntax)? {
+        Codec::Native(_) => Ok(()),
+        _ if file.pixels.is_float => Err(Error::file(&file.path, "has compressed floats", "export it uncompressed")),
+        _ => Ok(()),
+    }
 }
 
 /// Rejects a compressed file that is too small for its declared size, before that memory is allocated.
@@ -95,6 +99,7 @@ fn decode_file(file: &FileHead, frames: Vec<Target>, progress: &Progress) -> Res
     let voxels = usize::from(file.rows) * usize::from(file.cols);
     let sample = usize::from(file.bits.allocated / 8);
     let codec = codec(path, &file.syntax)?;
+    let is_float = file.pixels.is_float;
     let lut = if file.has_lut { Some(read_lut(file)?) } else { None };
     let lut = lut.as_ref();
     let results: Vec<Result<Padded>> = match codec {
@@ -104,6 +109,9 @@ fn decode_file(file: &FileHead, frames: Vec<Target>, progress: &Progress) -> Res
                 let begin = (file.pixels.offset + slice.frame as usize * voxels * sample) as u64;
                 let bytes = read(path, begin, voxels * sample)?;
                 progress.advance(1)?;
+                if is_float {
+                    return Ok(samples::floats_to_hus(slice, &bytes, order, target));
+                }
                 Ok(samples::to_hus(slice, &bytes, Layout::native(file.bits, order), lut, target))
             })
             .collect(),
@@ -127,6 +135,10 @@ fn decode_file(file: &FileHead, frames: Vec<Target>, progress: &Progress) -> Res
                             let begin = file.pixels.offset + slice.frame as usize * voxels * sample;
                             let frame = body.get(begin..begin + voxels * sample);
                             let frame = frame.ok_or_else(|| fault(path, Fault::Short))?;
+                            if is_float {
+                                progress.advance(1)?;
+                                return Ok(samples::floats_to_hus(slice, frame, order, target));
+                            }
                             (Cow::Borrowed(frame), Layout::native(file.bits, order))
                         }
                         _ => {

@@ -3,7 +3,7 @@
 use super::lut::Lut;
 use super::slice::{Bits, FileHead, Slice};
 use crate::volume::AIR_HU;
-use crate::volume::io::raw::{ByteOrder, to_hu};
+use crate::volume::io::raw::{ByteOrder, Element, Encoding, to_hu};
 
 /// HU at or below which a value of padding is no tissue …
 const BELOW_TISSUE: i16 = -900;
@@ -88,11 +88,17 @@ pub(crate) struct Padded {
     pub air: usize,
     /// Number of voxels that were kept: inside the slice, the value is one that tissue has.
     pub kept: usize,
+    /// Number of voxels that are not finite and became air.
+    pub strange: usize,
 }
 
 impl std::iter::Sum for Padded {
     fn sum<I: Iterator<Item = Self>>(parts: I) -> Self {
-        parts.fold(Self::default(), |a, b| Self { air: a.air + b.air, kept: a.kept + b.kept })
+        parts.fold(Self::default(), |a, b| Self {
+            air: a.air + b.air,
+            kept: a.kept + b.kept,
+            strange: a.strange + b.strange,
+        })
     }
 }
 
@@ -170,9 +176,16 @@ pub(super) fn to_hus(slice: &Slice, bytes: &[u8], layout: Layout, lut: Option<&L
     if let Some(padding) = padding.filter(|_| padded.kept > 0) {
         let is_padding = |at: usize| padding.contains(layout.value(layout.raw(bytes, at)));
         let outside = flood(usize::from(slice.file.cols), out, is_padding);
-        padded = Padded { air: padded.air + outside, kept: padded.kept - outside };
+        padded = Padded { air: padded.air + outside, kept: padded.kept - outside, ..padded };
     }
     padded
+}
+
+/// Converts samples that are floats to HU.
+pub(super) fn floats_to_hus(slice: &Slice, bytes: &[u8], order: ByteOrder, out: &mut [i16]) -> Padded {
+    let element = if slice.file.bits.allocated == 32 { Element::F32 } else { Element::F64 };
+    let encoding = Encoding { element, order, slope: slice.slope, intercept: slice.intercept };
+    Padded { strange: encoding.convert(bytes, out).strange, ..Padded::default() }
 }
 
 /// Turns the padding that is connected with the corners of a slice of `cols` columns into air, if at least three corners hold it.

@@ -55,7 +55,7 @@ const LONGEST_SIDE: u16 = 16384;
 /// Layout of the stored bits of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Bits {
-    /// Bits of a sample in the file: 8 or 16.
+    /// Bits of a sample in the file: 8 or 16; of floats 32 or 64.
     pub allocated: u16,
     /// Bits that hold the value.
     pub stored: u16,
@@ -179,7 +179,7 @@ fn parsed(path: &Path) -> Result<std::result::Result<(DataSet, u64), (Item, Erro
 
 /// Returns a slice that stands for an unusable one.
 fn standing_for(path: &Path, set: &DataSet, fault: Error, image: bool) -> Slice {
-    let place = PixelPlace { offset: 0, length: None };
+    let place = PixelPlace { offset: 0, length: None, is_float: false };
     let file = unusable(path, set, set.pixels.unwrap_or(place));
     Slice { fault: Some(fault), ..base(file, &set.root, image) }
 }
@@ -350,12 +350,8 @@ fn file_head(path: &Path, set: &DataSet, pixels: PixelPlace, room: u64) -> Resul
     let allocated = need(ALLOCATED, "BitsAllocated")?;
     let stored = root.short(STORED).unwrap_or(allocated);
     let high = root.short(HIGH_BIT).unwrap_or(stored.saturating_sub(1));
-    if !(allocated == 8 || allocated == 16)
-        || stored == 0
-        || stored > allocated
-        || high >= allocated
-        || high + 1 < stored
-    {
+    let sizes: &[u16] = if pixels.is_float { &[32, 64] } else { &[8, 16] };
+    if !sizes.contains(&allocated) || stored == 0 || stored > allocated || high >= allocated || high + 1 < stored {
         return Err(Error::file(
             path,
             format!("has {stored} of {allocated} bits with {high} as the highest"),

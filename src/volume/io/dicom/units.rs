@@ -25,7 +25,8 @@ impl Units {
             "ED" => "electron densities",
             "EDW" => "electron densities relative to water",
             "PCT" => "percentages",
-            _ => return Self::Unspecified(format!("{name} is {term}, which does not tell HU")),
+            "US" => return Self::Unspecified(format!("{name} is {term} (unspecified)")),
+            _ => return Self::Unspecified(format!("{name} is {term}, an unknown term")),
         };
         Self::Other(format!("{what} ({name} {term}), not HU"))
     }
