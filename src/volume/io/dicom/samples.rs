@@ -65,6 +65,21 @@ impl Layout {
         if wide { plain } else { narrow }
     }
 
+    /// Calls `put` with each voxel of `out` and its sample.
+    #[inline(always)]
+    fn each(self, bytes: &[u8], out: &mut [i16], mut put: impl FnMut(&mut i16, u16)) {
+        match (self.sample, self.order) {
+            (1, _) => out.iter_mut().zip(bytes).for_each(|(o, b)| put(o, (*b).into())),
+            (_, ByteOrder::Little) => {
+                out.iter_mut().zip(bytes.as_chunks().0).for_each(|(o, b)| put(o, u16::from_le_bytes(*b)));
+            }
+            (_, ByteOrder::Big) => {
+                out.iter_mut().zip(bytes.as_chunks().0).for_each(|(o, b)| put(o, u16::from_be_bytes(*b)));
+            }
+        }
+    }
+
+    #[inline(always)]
     fn value(self, raw: u16) -> i32 {
         // Shift the value to the top of the word and back. This removes the bits above it (overlays) and extends the sign.
         let unused = 32 - self.width;
@@ -143,13 +158,39 @@ impl Padding {
 /// only outside the round field of view: in the region that is connected with the corners of the slice, at least three of which
 /// hold it.
 pub(super) fn to_hus(slice: &Slice, bytes: &[u8], layout: Layout, lut: Option<&Lut>, out: &mut [i16]) -> Padded {
+    let (slope, intercept) = (slice.slope, slice.intercept);
+    let cols = usize::from(slice.file.cols);
     let padding = slice.file.padding.map(|ends| Padding::of(ends, layout));
+    // The usual cases have loops of their own: most of the time of opening is spent here.
+    match (lut, padding) {
+        (Some(lut), _) => convert(cols, layout, bytes, out, padding, |value| lut.hu(value)),
+        (None, None) if slope == 1.0 && intercept.fract() == 0.0 && intercept.abs() < 1e6 => {
+            let intercept = intercept as i32;
+            let clamp = |v: i32| v.clamp(i16::MIN.into(), i16::MAX.into()) as i16;
+            layout.each(bytes, out, |o, raw| *o = clamp(layout.value(raw) + intercept));
+            Padded::default()
+        }
+        (None, None) => {
+            layout.each(bytes, out, |o, raw| *o = to_hu(f64::from(layout.value(raw)) * slope + intercept));
+            Padded::default()
+        }
+        (None, Some(_)) => {
+            convert(cols, layout, bytes, out, padding, |value| to_hu(f64::from(value) * slope + intercept))
+        }
+    }
+}
+
+/// Converts samples one by one, with padding.
+fn convert(
+    cols: usize,
+    layout: Layout,
+    bytes: &[u8],
+    out: &mut [i16],
+    padding: Option<Padding>,
+    hu: impl Fn(i32) -> i16,
+) -> Padded {
     let mut padded = Padded::default();
-    let hu = |value: i32| match lut {
-        Some(lut) => lut.hu(value),
-        None => to_hu(f64::from(value) * slice.slope + slice.intercept),
-    };
-    let mut put = |o: &mut i16, raw: u16| {
+    layout.each(bytes, out, |o, raw| {
         let value = layout.value(raw);
         *o = hu(value);
         let Some(padding) = &padding else { return };
@@ -163,19 +204,10 @@ pub(super) fn to_hus(slice: &Slice, bytes: &[u8], layout: Layout, lut: Option<&L
         } else {
             padded.kept += 1;
         }
-    };
-    match (layout.sample, layout.order) {
-        (1, _) => out.iter_mut().zip(bytes).for_each(|(o, b)| put(o, (*b).into())),
-        (_, ByteOrder::Little) => {
-            out.iter_mut().zip(bytes.as_chunks().0).for_each(|(o, b)| put(o, u16::from_le_bytes(*b)));
-        }
-        (_, ByteOrder::Big) => {
-            out.iter_mut().zip(bytes.as_chunks().0).for_each(|(o, b)| put(o, u16::from_be_bytes(*b)));
-        }
-    }
+    });
     if let Some(padding) = padding.filter(|_| padded.kept > 0) {
         let is_padding = |at: usize| padding.contains(layout.value(layout.raw(bytes, at)));
-        let outside = flood(usize::from(slice.file.cols), out, is_padding);
+        let outside = flood(cols, out, is_padding);
         padded = Padded { air: padded.air + outside, kept: padded.kept - outside, ..padded };
     }
     padded
