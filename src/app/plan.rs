@@ -14,6 +14,7 @@ use crate::fields::lumen::{self, Lumen, Segment};
 use crate::math::lattice::nearest_first;
 use crate::progress::Progress;
 use crate::space::{PreparedVolume, first_crossing};
+use crate::volume::{Volume, hounsfield};
 
 /// Largest distance by which a point outside the lumen is moved into it, mm.
 const SNAP_MM: f64 = 5.0;
@@ -181,7 +182,7 @@ pub fn plan(
         return Ok(Plan { gas: own, ..plan });
     }
     if !lumen.is_flyable() {
-        return Err(no_colon(lumen));
+        return Err(no_colon(volume.voxels(), lumen));
     }
     let last = lumen.segments.len() - 1;
     let main = lumen.main_segment().unwrap_or(0);
@@ -369,8 +370,12 @@ pub fn first_attitude(volume: &PreparedVolume, start: DVec3, goal: DVec3) -> Att
     Attitude::new(forward, DVec3::NEG_Y)
 }
 
-/// Creates the error that no colon was found, with what was found instead.
-pub fn no_colon(lumen: &Lumen) -> Error {
+/// Creates the error that no colon was found, with what was found instead. Values that are no HU come first: nothing else can be
+/// judged by them.
+pub fn no_colon(volume: &Volume, lumen: &Lumen) -> Error {
+    if let Some(odd) = hounsfield::oddity(volume) {
+        return Error::incomplete("no colon found to fly through", odd.to_string(), "give a scan in HU");
+    }
     let found = lumen.found().unwrap_or_else(|| "no gas in the body that looks like a colon's".to_owned());
     let is_chest = lumen.landmarks.as_ref().is_some_and(|l| l.is_chest());
     let hint = if is_chest { " (a scan of the chest?)" } else { " (an unprepared or collapsed colon?)" };

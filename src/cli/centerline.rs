@@ -133,7 +133,7 @@ fn through_scan(
         }
     }
     if lumen.segments.is_empty() {
-        return Err(prepare::no_lumen(&lumen, "give --from and --to, or a mask of the lumen"));
+        return Err(prepare::no_lumen(volume, &lumen, "give --from and --to, or a mask of the lumen"));
     }
     let walls =
         timings.time("distance_s", || WallDistance::of_lumen(volume, &lumen, Through::GasAndFluid, progress))?;

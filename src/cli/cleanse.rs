@@ -42,7 +42,7 @@ pub(crate) fn run(args: &CleanseArgs, global: &Global, progress: &Progress) -> R
     let mut volume = prepare::load(&args.input, &global, &mut timings, progress)?;
     let lumen = prepare::lumen_from(&volume, args.from.map(|p| p.0), &mut timings, progress)?;
     if lumen.segments.is_empty() {
-        return Err(prepare::no_lumen(&lumen, "give --from and a point in the colon"));
+        return Err(prepare::no_lumen(&volume, &lumen, "give --from and a point in the colon"));
     }
     let mut cleansed = timings.time("cleanse_s", || cleanse::cleanse(&volume, &lumen, progress))?;
     drop(lumen);

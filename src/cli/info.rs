@@ -13,6 +13,9 @@ use crate::volume::io::{self, LoadOptions};
 pub(crate) fn run(args: &InfoArgs, global: &Global, progress: &Progress) -> Result<()> {
     let options = LoadOptions { allow_gaps: true, ..prepare::load_options(global) };
     let (value, notes) = io::inspect(&args.input, &options, progress)?;
+    if global.allow_gaps && value.get("slice_gaps").is_none() {
+        prepare::say("--allow-gaps is ignored: the scan is not DICOM");
+    }
     notes.iter().for_each(|note| prepare::say(note));
     print(|out| writeln!(out, "{value:#}"))
 }

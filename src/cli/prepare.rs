@@ -19,8 +19,8 @@ use crate::progress::Progress;
 use crate::render::packets::simd_level;
 use crate::render::{CameraModel, Preset, Quality, Settings};
 use crate::space::TransferFunction;
-use crate::volume::Volume;
 use crate::volume::io::{self, LoadOptions};
+use crate::volume::{Volume, hounsfield};
 
 /// Refuses invalid global options, even if the command ignores them; `scene` is a flight's scene file.
 ///
@@ -125,9 +125,11 @@ pub(crate) fn open(input: Option<&Path>, global: &Global, preset: Preset, progre
         cleanse: global.cleanse,
         progress: Arc::clone(progress),
     };
-    let Some(path) = input else { return Scan::phantom_with(global.seed.unwrap_or(1), &options) };
+    let Some(path) = input else {
+        report_unread(global);
+        return Scan::phantom_with(global.seed.unwrap_or(1), &options);
+    };
     let mut scan = Scan::open_with(path, &options)?;
-    report_unused(path, scan.volume().voxels(), global);
     scan.take_notes().iter().for_each(|note| say(note));
     Ok(scan)
 }
@@ -139,7 +141,6 @@ pub(crate) fn open(input: Option<&Path>, global: &Global, preset: Preset, progre
 pub(crate) fn load(input: &Path, global: &Global, timings: &mut Timings, progress: &Progress) -> Result<Volume> {
     let options = checked_options(global)?;
     let loaded = timings.time("load_s", || io::load(input, &options, progress))?;
-    report_unused(input, &loaded.volume, global);
     loaded.notes.iter().for_each(|note| say(note));
     let mut volume = loaded.volume;
     if global.cleanse {
@@ -155,12 +156,15 @@ pub(crate) fn load(input: &Path, global: &Global, timings: &mut Timings, progres
 /// Like [`load`], for a mask, which has no tag.
 ///
 /// # Errors
-/// As [`open`].
+/// As [`open`], and status 3 if it is no mask.
 pub(crate) fn load_mask(input: &Path, global: &Global, timings: &mut Timings, progress: &Progress) -> Result<Volume> {
     if global.cleanse {
         say("--cleanse is ignored: a mask has no HU");
     }
-    load(input, &Global { cleanse: false, ..global.clone() }, timings, progress)
+    let options = checked_options(global)?;
+    let loaded = timings.time("load_s", || io::load_mask(input, &options, progress))?;
+    loaded.notes.iter().for_each(|note| say(note));
+    Ok(loaded.volume)
 }
 
 /// Like [`load`]; without an input it makes the embedded phantom.
@@ -170,6 +174,7 @@ pub(crate) fn load_mask(input: &Path, global: &Global, timings: &mut Timings, pr
 pub(crate) fn load_or_phantom(input: Option<&Path>, global: &Global, progress: &Progress) -> Result<Volume> {
     input.map_or_else(
         || {
+            report_unread(global);
             let phantom = Phantom::new(&PhantomSettings::embedded(global.seed.unwrap_or(1)));
             phantom.voxelise(&phantom.grid(), progress)
         },
@@ -206,7 +211,8 @@ pub(crate) fn lumen_from(
     let Some(p) = from else { return lumen(volume, timings, progress) };
     check_thick(volume)?;
     timings.time("lumen_s", || lumen::gas_at(volume, p, progress))?.ok_or_else(|| {
-        let why = format!("{:.1},{:.1},{:.1} has no gas inside the body within 5 mm", p.x, p.y, p.z);
+        let odd = hounsfield::oddity(volume).map_or_else(String::new, |odd| format!(": {odd}"));
+        let why = format!("{:.1},{:.1},{:.1} has no gas inside the body within 5 mm{odd}", p.x, p.y, p.z);
         Error::incomplete("--from", why, "give a point in the colon")
     })
 }
@@ -225,7 +231,7 @@ pub(crate) fn cleansed_lumen(
 ) -> Result<(Lumen, Option<Cleansed>)> {
     let found = lumen_from(volume, from, timings, progress)?;
     if found.segments.is_empty() {
-        return Err(no_lumen(&found, "give --from and a point in the colon"));
+        return Err(no_lumen(volume, &found, "give --from and a point in the colon"));
     }
     found.close_septa(volume);
     if with_along {
@@ -256,8 +262,11 @@ pub(crate) fn around(volume: Volume, lumen: Lumen, beyond_mm: f64) -> (Volume, L
     }
 }
 
-/// The failure of a command that found no colon in a scan.
-pub(crate) fn no_lumen(lumen: &Lumen, hint: &str) -> Error {
+/// The failure of a command that found no colon in a scan. Values that are no HU are named before what was found by them.
+pub(crate) fn no_lumen(volume: &Volume, lumen: &Lumen, hint: &str) -> Error {
+    if let Some(odd) = hounsfield::oddity(volume) {
+        return Error::incomplete("volume", format!("no gas of a colon was found in it: {odd}"), "give a scan in HU");
+    }
     let found = lumen.found().map_or_else(String::new, |f| format!(": {f}"));
     Error::incomplete("volume", format!("no gas of a colon was found in it{found}"), hint)
 }
@@ -292,17 +301,17 @@ pub(crate) fn scan_or_mask<'a>(
     }
 }
 
-/// Prints which options had no effect.
-fn report_unused(path: &Path, volume: &Volume, global: &Global) {
-    let own = volume.grid().spacing();
-    if global.spacing.is_some_and(|s| s.0 != own) {
-        say(&format!("--spacing is ignored: the scan has its own, {own} mm"));
-    }
-    if global.hu.is_some() && path.is_file() {
-        say("--hu is ignored: the scan holds HU");
-    }
-    if global.series.is_some() && path.is_file() && !io::is_dicom(path) {
-        say("--series is ignored: the scan is not DICOM");
+/// Prints which options have no effect on the embedded phantom, which is made and not read.
+fn report_unread(global: &Global) {
+    for (name, given) in [
+        ("--spacing", global.spacing.is_some()),
+        ("--hu", global.hu.is_some()),
+        ("--series", global.series.is_some()),
+        ("--allow-gaps", global.allow_gaps),
+    ] {
+        if given {
+            say(&format!("{name} is ignored: there is no input"));
+        }
     }
 }
 

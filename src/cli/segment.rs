@@ -80,6 +80,9 @@ pub(crate) fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> R
         false => None,
     };
     let grid = volume.grid().clone();
+    // Mask and stats are written all the same.
+    let refusal =
+        lumen.segments.is_empty().then(|| prepare::no_lumen(&volume, &lumen, "give --from and a point in the colon"));
     drop(volume);
     let mut mask = lumen.mask();
     for &voxel in wall.iter().flat_map(|w| &w.voxels) {
@@ -116,11 +119,7 @@ pub(crate) fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> R
         }
         output::write_json(path, &stats)?;
     }
-    if lumen.segments.is_empty() {
-        Err(prepare::no_lumen(&lumen, "give --from and a point in the colon"))
-    } else {
-        Ok(())
-    }
+    refusal.map_or(Ok(()), Err)
 }
 
 /// The largest pieces.

@@ -36,7 +36,11 @@ pub(crate) fn run(args: &SurfaceArgs, global: &Global, progress: &Progress) -> R
     } else {
         let lumen = prepare::lumen_from(&volume, args.from.map(|p| p.0), &mut timings, progress)?;
         if lumen.segments.is_empty() {
-            return Err(prepare::no_lumen(&lumen, "give --from and a point in the colon, or a mask of the lumen"));
+            return Err(prepare::no_lumen(
+                &volume,
+                &lumen,
+                "give --from and a point in the colon, or a mask of the lumen",
+            ));
         }
         let mesh = timings
             .time("surface_s", || LumenMesh::new(&Interior::of_lumen(&volume, &lumen, iso, progress)?, progress))?;

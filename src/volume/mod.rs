@@ -2,6 +2,7 @@
 
 pub(crate) mod cell;
 mod grid;
+pub(crate) mod hounsfield;
 pub mod io;
 mod position;
 

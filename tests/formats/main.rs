@@ -9,6 +9,8 @@ mod peers;
 #[cfg(feature = "dicom")]
 mod study;
 mod surface;
+#[cfg(feature = "dicom")]
+mod values;
 
 #[path = "../support"]
 mod support {

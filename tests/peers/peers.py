@@ -22,7 +22,8 @@ for module, syntax in {
     "openjpeg": pydicom.uid.JPEG2000Lossless,
     "imagecodecs": pydicom.uid.JPEGLosslessSV1,
 }.items():
-    if importlib.util.find_spec(module):
+    # pydicom reaches OpenJPEG through another package.
+    if importlib.util.find_spec(module) and (module != "openjpeg" or importlib.util.find_spec("pylibjpeg")):
         SYNTAXES.append(syntax)
 if pydicom.uid.JPEGLosslessSV1 in SYNTAXES:
     import imagecodecs

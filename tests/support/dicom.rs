@@ -33,6 +33,8 @@ pub(crate) struct Slice {
     pub spacing: String,
     pub slope: &'static str,
     pub intercept: &'static str,
+    /// Rescale Type; none if empty.
+    pub units: &'static str,
     pub photometric: &'static str,
     pub samples: u16,
     pub allocated: u16,
@@ -74,6 +76,7 @@ impl Slice {
             spacing: "0.75\\0.5".to_owned(),
             slope: "1",
             intercept: "-1024",
+            units: "",
             photometric: "MONOCHROME2",
             samples: 1,
             allocated: 16,
@@ -141,8 +144,13 @@ impl Slice {
         if let Some(p) = self.padding_limit {
             body.short(0x0028, 0x0121, p);
         }
-        body.text(0x0028, 0x1052, b"DS", self.intercept);
-        body.text(0x0028, 0x1053, b"DS", self.slope);
+        for (element, vr, value) in
+            [(0x1052, b"DS", self.intercept), (0x1053, b"DS", self.slope), (0x1054, b"LO", self.units)]
+        {
+            if !value.is_empty() {
+                body.text(0x0028, element, vr, value);
+            }
+        }
         if !self.places.is_empty() {
             self.functional_groups(&mut body);
         }
@@ -194,7 +202,10 @@ impl Slice {
             (None, JPEG_LS) => {
                 let (w, h) = (u32::from(self.cols), u32::from(self.rows));
                 let mut p = Vec::new();
-                jpegls::encode(&self.pixels, w, h, &mut p).unwrap();
+                // As writers do, and not the fewest bits that hold the values: the highest is the sign.
+                let mut options = jpegls::EncodeOptions::default();
+                options.precision = Some(self.stored as u8);
+                jpegls::encode_with_options(&self.pixels, w, h, &options, &mut p).unwrap();
                 Some(p)
             }
             _ => None,

@@ -8,6 +8,7 @@ use std::path::Path;
 
 use glam::{DMat3, DVec3};
 
+use super::Scanned;
 use super::frame;
 use super::raw::{ByteOrder, Element, Encoding};
 use super::source::{self, Packing, Section};
@@ -82,7 +83,7 @@ fn tags<'a>(path: &'a Path, head: &[u8]) -> Result<Tags<'a>> {
 ///
 /// # Errors
 /// Returns status 3 if the header is invalid or the data does not match it, status 4 if cancelled.
-pub(crate) fn load(path: &Path, progress: &Progress) -> Result<(Volume, Vec<String>)> {
+pub(crate) fn load(path: &Path, progress: &Progress) -> Result<Scanned> {
     let head = source::head(path, text::MAX_HEADER)?;
     let tags = tags(path, &head)?;
     let axes = axes(&tags)?;
@@ -90,9 +91,9 @@ pub(crate) fn load(path: &Path, progress: &Progress) -> Result<(Volume, Vec<Stri
     let grid = grid(&tags, axes, &mut notes)?;
     let encoding = encoding(&tags)?;
     let section = section(&tags, &grid, &encoding)?;
-    let (data, strange) = section.read(grid.len(), &encoding, progress)?;
-    notes.extend(super::strange_note(strange));
-    Ok((Volume::new(grid, data), notes))
+    let (data, counts) = section.read(grid.len(), &encoding, progress)?;
+    notes.extend(super::strange_note(counts.strange));
+    Ok(Scanned { volume: Volume::new(grid, data), notes, fractions: counts.fractions })
 }
 
 fn axes(t: &Tags) -> Result<usize> {

@@ -28,7 +28,7 @@ use serde_json::{Map, Value, json};
 
 use crate::error::{Error, Result};
 use crate::progress::Progress;
-use crate::volume::{Grid, PatientPosition, Volume};
+use crate::volume::{Grid, PatientPosition, Volume, hounsfield};
 
 /// Options for reading an input.
 #[derive(Clone, Debug, Default)]
@@ -98,6 +98,86 @@ pub fn load(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<L
     read(path, options, Modality::Ct, progress).map(|(loaded, _)| loaded)
 }
 
+/// Reads the mask of a lumen: 0 outside, any positive whole number inside.
+///
+/// # Errors
+/// As [`load`]; also status 3 if it has no voxel of 0, negative values or fractions, as a scan or a distance field does.
+pub fn load_mask(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<Loaded> {
+    let format = detect(path, progress)?;
+    // Black stays 0.
+    let grey = LoadOptions { hu: options.hu.or(Some((0.0, 255.0))), ..options.clone() };
+    let options = if matches!(format, Format::Png(_)) { &grey } else { options };
+    let read = scan(path, &format, options, Modality::Any, progress)?;
+    let values = read.scanned.volume.data();
+    let count = |of: fn(&i16) -> bool| values.par_iter().filter(|v| of(v)).count();
+    let refuse = |why: String| Err(Error::file(path, why, "give a mask of the lumen: 0 outside, 1 inside"));
+    let (negative, outside) = (count(|v| *v < 0), count(|v| *v == 0));
+    if negative > 0 {
+        return refuse(format!("is no mask: {negative} of its voxels are negative"));
+    }
+    if read.scanned.fractions > 0 {
+        return refuse(format!("is no mask: {} of its voxels are no whole numbers", read.scanned.fractions));
+    }
+    if outside == 0 {
+        return refuse("is no mask: no voxel of it is 0, so that nothing lies outside the lumen".to_owned());
+    }
+    let mut notes = read.scanned.notes;
+    notes.extend(unused(&format, read.scanned.volume.grid(), options, false));
+    Ok(Loaded { volume: read.scanned.volume, notes })
+}
+
+/// What a format's reader returns.
+struct Scanned {
+    volume: Volume,
+    /// Warnings.
+    notes: Vec<String>,
+    /// Number of voxels that are no whole numbers.
+    fractions: usize,
+}
+
+/// What is read from an input of any format.
+struct Read {
+    scanned: Scanned,
+    facts: Map<String, Value>,
+    units: Units,
+}
+
+/// What the values of an input are.
+enum Units {
+    /// HU, as far as the input tells.
+    Hu,
+    /// The header tells nothing that makes them HU: the reason.
+    Doubtful(String),
+    /// No HU; the reason, if it is worth a note.
+    Other(Option<String>),
+}
+
+fn scan(path: &Path, format: &Format, options: &LoadOptions, modality: Modality, progress: &Progress) -> Result<Read> {
+    let plain = |scanned: Scanned| Read { scanned, facts: Map::new(), units: Units::Hu };
+    match format {
+        Format::Nifti => nifti::load(path, progress).map(plain),
+        Format::MetaImage => metaimage::load(path, progress).map(plain),
+        Format::Nrrd => nrrd::load(path, progress).map(plain),
+        Format::Png(files) => png::load(path, files, options, progress).map(plain),
+        #[cfg(feature = "dicom")]
+        Format::Dicom(files) => {
+            let read = dicom::load(path, files, options, modality, progress)?;
+            let units = match read.units {
+                _ if read.facts.get("modality").is_some_and(|m| m != "CT") => Units::Other(None),
+                dicom::Units::Other(what) => Units::Other(Some(format!("holds {what}"))),
+                units => units.doubt().map_or(Units::Hu, |why| Units::Doubtful(why.to_owned())),
+            };
+            let scanned = Scanned { volume: read.volume, notes: read.notes, fractions: 0 };
+            Ok(Read { scanned, facts: read.facts, units })
+        }
+        #[cfg(not(feature = "dicom"))]
+        Format::Dicom(_) => {
+            let _ = modality;
+            Err(Error::file(path, "is DICOM, which this build leaves out", "build it with the feature \"dicom\""))
+        }
+    }
+}
+
 /// Reads an input and the facts specific to its format.
 fn read(
     path: &Path,
@@ -105,33 +185,56 @@ fn read(
     modality: Modality,
     progress: &Progress,
 ) -> Result<(Loaded, Map<String, Value>)> {
-    let mut facts = Map::new();
-    let (volume, mut notes) = match detect(path, progress)? {
-        Format::Nifti => nifti::load(path, progress),
-        Format::MetaImage => metaimage::load(path, progress),
-        Format::Nrrd => nrrd::load(path, progress),
-        Format::Png(files) => png::load(path, &files, options, progress),
-        #[cfg(feature = "dicom")]
-        Format::Dicom(files) => {
-            let read = dicom::load(path, &files, options, modality, progress)?;
-            facts = read.facts;
-            Ok((read.volume, read.notes))
+    let format = detect(path, progress)?;
+    let Read { scanned: Scanned { volume, mut notes, .. }, facts, units } =
+        scan(path, &format, options, modality, progress)?;
+    notes.extend(unused(&format, volume.grid(), options, modality == Modality::Any));
+    // Values that are no HU do not mean padding, nor air.
+    let volume = if let Units::Other(why) = units {
+        notes.extend(why);
+        volume
+    } else {
+        let volume = padding::to_air(volume, &mut notes);
+        let odd = hounsfield::oddity(&volume);
+        match (units, odd) {
+            (Units::Doubtful(why), Some(odd)) if odd.is_clear() => {
+                let why = format!("{why}, and {odd}");
+                if modality == Modality::Ct {
+                    return Err(Error::file(path, why, "export it in HU"));
+                }
+                notes.push(why);
+            }
+            (Units::Doubtful(why), odd) => {
+                notes.push(format!("{why}: its values are taken for HU"));
+                notes.extend(odd.map(|odd| odd.to_string()));
+            }
+            (_, odd) => notes.extend(odd.map(|odd| odd.to_string())),
         }
-        #[cfg(not(feature = "dicom"))]
-        Format::Dicom(_) => {
-            let _ = modality;
-            facts.clear();
-            Err(Error::file(path, "is DICOM, which this build leaves out", "build it with the feature \"dicom\""))
-        }
-    }?;
-    // Values of other modalities are not HU, so none of them means padding.
-    let volume =
-        if facts.get("modality").is_some_and(|m| m != "CT") { volume } else { padding::to_air(volume, &mut notes) };
-    if facts.get("modality").is_none_or(|m| m == "CT") {
         notes.extend(thick_slices(volume.grid()));
-    }
+        volume
+    };
     let position = facts.get("patient_position").and_then(Value::as_str).and_then(PatientPosition::of_header);
     Ok((Loaded { volume: volume.with_header_position(position), notes }, facts))
+}
+
+/// Returns notes on options that do not apply to a format; with `any_gaps`, gaps are allowed by the command itself.
+fn unused(format: &Format, grid: &Grid, options: &LoadOptions, any_gaps: bool) -> Vec<String> {
+    let (is_png, is_dicom) = (matches!(format, Format::Png(_)), matches!(format, Format::Dicom(_)));
+    let own = grid.spacing();
+    let mut notes = Vec::new();
+    if options.spacing.is_some_and(|s| !is_png && s != own) {
+        notes.push(format!("--spacing is ignored: the scan has its own, {own} mm"));
+    }
+    if options.hu.is_some() && !is_png {
+        notes.push("--hu is ignored: the scan holds HU".to_owned());
+    }
+    if options.series.is_some() && !is_dicom {
+        notes.push("--series is ignored: the scan is not DICOM".to_owned());
+    }
+    if options.allow_gaps && !is_dicom && !any_gaps {
+        notes.push("--allow-gaps is ignored: the scan is not DICOM".to_owned());
+    }
+    notes
 }
 
 /// Returns a note on what the slices of a scan cannot show; `None` if they are thin. A lesion that is to be judged spans two slices.

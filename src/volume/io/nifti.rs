@@ -6,6 +6,7 @@ use std::path::Path;
 
 use glam::{DMat3, DQuat, DVec3};
 
+use super::Scanned;
 use super::frame::{self, RAS_LPS};
 use super::raw::{ByteOrder, Element, Encoding};
 use super::source::{self, Packing, Section};
@@ -48,7 +49,7 @@ fn version(head: &[u8]) -> Option<(u8, ByteOrder)> {
 ///
 /// # Errors
 /// Returns status 3 if the header is invalid or the data does not match it, status 4 if cancelled.
-pub(crate) fn load(path: &Path, progress: &Progress) -> Result<(Volume, Vec<String>)> {
+pub(crate) fn load(path: &Path, progress: &Progress) -> Result<Scanned> {
     let head = source::head(path, HEAD as u64)?;
     let header = parse(path, &head)?;
     let data_path = if header.pair { image_of(path)? } else { path.to_owned() };
@@ -57,10 +58,10 @@ pub(crate) fn load(path: &Path, progress: &Progress) -> Result<(Volume, Vec<Stri
         Packing::Gzip => Section { path: data_path, offset: 0, skip: header.offset, packing },
         _ => Section { path: data_path, offset: header.offset, skip: 0, packing },
     };
-    let (data, strange) = section.read(header.grid.len(), &header.encoding, progress)?;
+    let (data, counts) = section.read(header.grid.len(), &header.encoding, progress)?;
     let mut notes = header.notes;
-    notes.extend(super::strange_note(strange));
-    Ok((Volume::new(header.grid, data), notes))
+    notes.extend(super::strange_note(counts.strange));
+    Ok(Scanned { volume: Volume::new(header.grid, data), notes, fractions: counts.fractions })
 }
 
 /// Returns the image file of a header/image pair.

@@ -8,6 +8,7 @@ use std::path::Path;
 
 use glam::{DMat3, DVec3};
 
+use super::Scanned;
 use super::frame::{self, RAS_LPS};
 use super::raw::{ByteOrder, Element, Encoding};
 use super::source::{self, Packing, Section};
@@ -70,16 +71,16 @@ fn fields<'a>(path: &'a Path, head: &[u8]) -> Result<Fields<'a>> {
 ///
 /// # Errors
 /// Returns status 3 if the header is invalid or the data does not match it, status 4 if cancelled.
-pub(crate) fn load(path: &Path, progress: &Progress) -> Result<(Volume, Vec<String>)> {
+pub(crate) fn load(path: &Path, progress: &Progress) -> Result<Scanned> {
     let head = source::head(path, text::MAX_HEADER)?;
     let fields = fields(path, &head)?;
     let mut notes = Vec::new();
     let grid = grid(&fields, &mut notes)?;
     let encoding = encoding(&fields)?;
     let section = section(&fields, &grid, &encoding)?;
-    let (data, strange) = section.read(grid.len(), &encoding, progress)?;
-    notes.extend(super::strange_note(strange));
-    Ok((Volume::new(grid, data), notes))
+    let (data, counts) = section.read(grid.len(), &encoding, progress)?;
+    notes.extend(super::strange_note(counts.strange));
+    Ok(Scanned { volume: Volume::new(grid, data), notes, fractions: counts.fractions })
 }
 
 fn encoding(f: &Fields) -> Result<Encoding> {

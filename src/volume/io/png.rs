@@ -8,7 +8,7 @@ use image::codecs::png::PngDecoder;
 use image::{ColorType, DynamicImage, ImageDecoder};
 use rayon::prelude::*;
 
-use super::{LoadOptions, frame, normalise, source};
+use super::{LoadOptions, Scanned, frame, normalise, source};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::volume::Volume;
@@ -25,12 +25,7 @@ pub(crate) fn recognises(head: &[u8]) -> bool {
 ///
 /// # Errors
 /// Returns status 3 if slices differ or are damaged, or if no spacing is given; status 4 if cancelled.
-pub(crate) fn load(
-    input: &Path,
-    files: &[PathBuf],
-    options: &LoadOptions,
-    progress: &Progress,
-) -> Result<(Volume, Vec<String>)> {
+pub(crate) fn load(input: &Path, files: &[PathBuf], options: &LoadOptions, progress: &Progress) -> Result<Scanned> {
     let spacing = options.spacing.ok_or_else(|| {
         Error::file(input, "is a folder of PNG slices, which carry no voxel spacing", "give it with --spacing X,Y,Z")
     })?;
@@ -67,7 +62,7 @@ pub(crate) fn load(
         Some((black, white)) => normalise::linear(&mut data, black, white),
         None => notes.push(normalise::by_histogram(&mut data)),
     }
-    Ok((Volume::new(grid, data), notes))
+    Ok(Scanned { volume: Volume::new(grid, data), notes, fractions: 0 })
 }
 
 fn damaged(path: &Path, e: image::ImageError) -> Error {

@@ -41,6 +41,41 @@ pub(crate) enum ByteOrder {
     Big,
 }
 
+/// Numbers of voxels that are no whole numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Counts {
+    /// Not finite.
+    pub strange: usize,
+    /// Finite, with a fraction, within the range of `i16`.
+    pub fractions: usize,
+}
+
+impl Counts {
+    /// Counts a value.
+    #[inline]
+    pub(crate) fn add(&mut self, hu: f64) {
+        self.strange += usize::from(!hu.is_finite());
+        // The cast saturates, and is zero for NaN.
+        let whole = f64::from(hu as i32) == hu;
+        self.fractions += usize::from(hu.abs() < 32768.0 && !whole);
+    }
+}
+
+impl std::iter::Sum for Counts {
+    fn sum<I: Iterator<Item = Self>>(parts: I) -> Self {
+        let mut all = Self::default();
+        parts.for_each(|c| all += c);
+        all
+    }
+}
+
+impl std::ops::AddAssign for Counts {
+    fn add_assign(&mut self, other: Self) {
+        self.strange += other.strange;
+        self.fractions += other.fractions;
+    }
+}
+
 /// Conversion of stored voxels to HU: `HU = slope · stored + intercept`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Encoding {
@@ -63,9 +98,9 @@ impl Encoding {
         Self { element, order, slope: 1.0, intercept: 0.0 }
     }
 
-    /// Converts voxels until `out` is full and returns how many were not finite. Values are rounded to the nearest HU
+    /// Converts voxels until `out` is full and counts those that are no whole numbers. Values are rounded to the nearest HU
     /// (halves away from zero) and clamped to `i16`; values that are not finite become [`AIR_HU`].
-    pub(crate) fn convert(&self, bytes: &[u8], out: &mut [i16]) -> usize {
+    pub(crate) fn convert(&self, bytes: &[u8], out: &mut [i16]) -> Counts {
         let size = self.element.size();
         // Copying two-byte integers is as fast as memory; only other conversions are worth distributing.
         let cheap = size <= 2 && self.is_identity();
@@ -80,7 +115,7 @@ impl Encoding {
         self.slope == 1.0 && self.intercept == 0.0
     }
 
-    fn convert_piece(&self, bytes: &[u8], out: &mut [i16]) -> usize {
+    fn convert_piece(&self, bytes: &[u8], out: &mut [i16]) -> Counts {
         macro_rules! integer {
             ($t:ty, $wide:expr) => {{
                 let clamp = |v: $t| i16::try_from(v).unwrap_or(if v > 0 { i16::MAX } else { i16::MIN });
@@ -114,14 +149,14 @@ impl Encoding {
         }
     }
 
-    fn scaled<const N: usize>(&self, bytes: &[u8], out: &mut [i16], value: impl Fn([u8; N]) -> f64) -> usize {
-        let mut strange = 0;
+    fn scaled<const N: usize>(&self, bytes: &[u8], out: &mut [i16], value: impl Fn([u8; N]) -> f64) -> Counts {
+        let mut counts = Counts::default();
         for (o, b) in out.iter_mut().zip(bytes.as_chunks::<N>().0) {
             let hu = value(*b) * self.slope + self.intercept;
-            strange += usize::from(!hu.is_finite());
+            counts.add(hu);
             *o = to_hu(hu);
         }
-        strange
+        counts
     }
 }
 
@@ -132,11 +167,11 @@ pub(crate) fn to_hu(hu: f64) -> i16 {
     if hu.is_finite() { (hu + 0.5f64.copysign(hu)) as i16 } else { AIR_HU }
 }
 
-fn each<const N: usize>(bytes: &[u8], out: &mut [i16], value: impl Fn([u8; N]) -> i16) -> usize {
+fn each<const N: usize>(bytes: &[u8], out: &mut [i16], value: impl Fn([u8; N]) -> i16) -> Counts {
     for (o, b) in out.iter_mut().zip(bytes.as_chunks::<N>().0) {
         *o = value(*b);
     }
-    0
+    Counts::default()
 }
 
 #[cfg(test)]
@@ -147,12 +182,12 @@ mod tests {
     fn one(element: Element, bytes: &[u8], slope: f64, intercept: f64) -> (i16, usize) {
         let mut out = [0];
         let le = Encoding { element, order: ByteOrder::Little, slope, intercept };
-        let n = le.convert(bytes, &mut out);
+        let n = le.convert(bytes, &mut out).strange;
         let mut reversed = bytes.to_vec();
         reversed.reverse();
         let mut other = [0];
         let be = Encoding { order: ByteOrder::Big, ..le };
-        assert_eq!(be.convert(&reversed, &mut other), n);
+        assert_eq!(be.convert(&reversed, &mut other).strange, n);
         assert_eq!(out, other, "both byte orders must agree");
         (out[0], n)
     }
@@ -187,7 +222,7 @@ mod tests {
             let many: Vec<i32> = values.iter().copied().cycle().take(PIECE * 2 + 77).collect();
             let bytes: Vec<u8> = many.iter().flat_map(|v| v.to_le_bytes()).collect();
             let mut out = vec![0; many.len()];
-            prop_assert_eq!(e.convert(&bytes, &mut out), 0);
+            prop_assert_eq!(e.convert(&bytes, &mut out).strange, 0);
             for (v, o) in many.iter().zip(&out) {
                 let hu = f64::from(*v) * slope - 7.0;
                 prop_assert!((f64::from(*o) - hu.clamp(-32768.0, 32767.0)).abs() <= 0.5 + 1e-9);

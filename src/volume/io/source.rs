@@ -7,7 +7,7 @@ use std::sync::mpsc::sync_channel;
 
 use flate2::bufread::{GzDecoder, ZlibDecoder};
 
-use super::raw::Encoding;
+use super::raw::{Counts, Encoding};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 
@@ -144,14 +144,14 @@ enum Size {
 }
 
 impl Section {
-    /// Reads `count` voxels and returns them with the number of voxels that were not finite.
+    /// Reads `count` voxels and returns them counts those that are no whole numbers.
     ///
     /// The header's `count` is checked against the file's size before anything of that size is allocated. The check is
     /// exact for raw data and uses deflate's limit for packed data, where memory then grows with the data that arrives.
     ///
     /// # Errors
     /// Returns status 3 if the data is damaged or shorter than declared, status 4 if cancelled.
-    pub(crate) fn read(&self, count: usize, encoding: &Encoding, progress: &Progress) -> Result<(Vec<i16>, usize)> {
+    pub(crate) fn read(&self, count: usize, encoding: &Encoding, progress: &Progress) -> Result<(Vec<i16>, Counts)> {
         let (mut file, len) = open(&self.path)?;
         let path = self.path.as_path();
         let room = len.saturating_sub(self.offset);
@@ -200,7 +200,7 @@ impl Section {
         encoding: &Encoding,
         size: Size,
         progress: &Progress,
-    ) -> Result<(Vec<i16>, usize)> {
+    ) -> Result<(Vec<i16>, Counts)> {
         let path = self.path.as_path();
         let voxel = encoding.element.size();
         let total = count * voxel;
@@ -230,7 +230,7 @@ impl Section {
                 }
             });
             let mut data = Vec::new();
-            let mut strange = 0;
+            let mut counts = Counts::default();
             for chunk in full {
                 let chunk = chunk.map_err(|e| unreadable(path, e))?;
                 progress.check()?;
@@ -245,7 +245,7 @@ impl Section {
                     reserve(path, &mut data, target - from)?;
                 }
                 data.resize(to, 0);
-                strange += encoding.convert(&chunk, &mut data[from..]);
+                counts += encoding.convert(&chunk, &mut data[from..]);
                 // If the channel of empty buffers is full, one buffer is simply not reused.
                 let _ = empty_in.try_send(chunk);
             }
@@ -257,7 +257,7 @@ impl Section {
                     "copy or export it again",
                 ));
             }
-            Ok((data, strange))
+            Ok((data, counts))
         })
     }
 
@@ -267,11 +267,11 @@ impl Section {
         count: usize,
         encoding: &Encoding,
         progress: &Progress,
-    ) -> Result<(Vec<i16>, usize)> {
+    ) -> Result<(Vec<i16>, Counts)> {
         let path = self.path.as_path();
         let mut data = Vec::new();
         reserve(path, &mut data, count)?;
-        let mut strange = 0;
+        let mut counts = Counts::default();
         let mut token = Vec::new();
         while data.len() < count {
             token.clear();
@@ -289,13 +289,13 @@ impl Section {
                 Error::file(path, format!("value {} is {text:?}, not a number", data.len()), "export it again")
             })?;
             let hu = value * encoding.slope + encoding.intercept;
-            strange += usize::from(!hu.is_finite());
+            counts.add(hu);
             data.push(super::raw::to_hu(hu));
             if data.len().is_multiple_of(1 << 16) {
                 progress.check()?;
             }
         }
-        Ok((data, strange))
+        Ok((data, counts))
     }
 }
 

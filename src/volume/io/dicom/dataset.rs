@@ -13,14 +13,19 @@ use crate::volume::io::raw::ByteOrder;
 pub(crate) type Tag = (u16, u16);
 
 const PIXEL_DATA: Tag = (0x7FE0, 0x0010);
+/// Pixel data of single and of double precision.
+const FLOAT_PIXEL_DATA: [Tag; 2] = [(0x7FE0, 0x0008), (0x7FE0, 0x0009)];
 const ITEM: Tag = (0xFFFE, 0xE000);
 const ITEM_END: Tag = (0xFFFE, 0xE00D);
 const SEQUENCE_END: Tag = (0xFFFE, 0xE0DD);
 const TRANSFER_SYNTAX: Tag = (0x0002, 0x0010);
 /// The length that means "until the delimiter".
 const UNDEFINED: u32 = u32::MAX;
-/// Maximum length of a value, bytes. Longer ones (curves, look-up tables, private blobs) are skipped.
+/// Maximum length of a value, bytes. Longer ones (curves, private blobs) are skipped, but for …
 const LONGEST_VALUE: usize = 1 << 16;
+/// … the data of a look-up table, of 65536 entries at most.
+const LUT_DATA: Tag = (0x0028, 0x3006);
+const LONGEST_LUT: usize = 1 << 17;
 /// Maximum depth of nested sequences.
 const DEEPEST: u32 = 12;
 /// Maximum unpacked size of a deflated data set, bytes.
@@ -71,11 +76,24 @@ impl Item {
 
     /// Returns an unsigned short.
     pub(crate) fn short(&self, tag: Tag) -> Option<u16> {
-        let b: [u8; 2] = self.values.get(&tag)?.get(..2)?.try_into().ok()?;
-        Some(match self.order {
-            ByteOrder::Little => u16::from_le_bytes(b),
-            ByteOrder::Big => u16::from_be_bytes(b),
-        })
+        self.values.get(&tag)?.first_chunk().map(|b| self.word(*b))
+    }
+
+    /// Returns the unsigned shorts of an element.
+    pub(crate) fn shorts(&self, tag: Tag) -> Option<Vec<u16>> {
+        Some(self.values.get(&tag)?.as_chunks().0.iter().map(|b| self.word(*b)).collect())
+    }
+
+    /// Returns the bytes of an element.
+    pub(crate) fn bytes(&self, tag: Tag) -> Option<&[u8]> {
+        self.values.get(&tag).map(Vec::as_slice)
+    }
+
+    fn word(&self, bytes: [u8; 2]) -> u16 {
+        match self.order {
+            ByteOrder::Little => u16::from_le_bytes(bytes),
+            ByteOrder::Big => u16::from_be_bytes(bytes),
+        }
     }
 
     /// Returns the items of a sequence.
@@ -91,6 +109,8 @@ pub(crate) struct PixelPlace {
     pub offset: usize,
     /// Length in bytes; `None` for encapsulated fragments.
     pub length: Option<usize>,
+    /// True if samples are floats.
+    pub is_float: bool,
 }
 
 /// The elements of a file up to its pixel data.
@@ -231,16 +251,18 @@ impl<'a> Walk<'a> {
     fn element(&mut self, into: &mut Item, depth: u32) -> Result<(), Fault> {
         let tag = self.tag()?;
         let (vr, length) = self.representation()?;
-        if tag == PIXEL_DATA && depth == 0 {
+        let is_float = FLOAT_PIXEL_DATA.contains(&tag);
+        if (tag == PIXEL_DATA || is_float) && depth == 0 {
             let length = (length != UNDEFINED).then_some(length as usize);
-            self.pixels = Some(PixelPlace { offset: self.at, length });
+            self.pixels = Some(PixelPlace { offset: self.at, length, is_float });
             return Ok(());
         }
         // A value of unknown representation and undefined length is a sequence in implicit form (PS3.5, 6.2.2).
         let sequence = &vr == b"SQ" || length == UNDEFINED || (&vr == b"\0\0" && self.looks_like_items(length));
         if !sequence {
             let value = self.take(length as usize)?;
-            if value.len() <= LONGEST_VALUE && tag.0 % 2 == 0 {
+            let longest = if tag == LUT_DATA { LONGEST_LUT } else { LONGEST_VALUE };
+            if value.len() <= longest && tag.0 % 2 == 0 {
                 into.values.insert(tag, value.to_vec());
             }
             return Ok(());
@@ -372,7 +394,7 @@ mod tests {
         let items = set.root.items((0x0008, 0x1140));
         assert_eq!(items[0].short((0x0028, 0x0010)), Some(7));
         assert_eq!(items[0].items((0x0008, 0x1141)).len(), 1);
-        assert_eq!(set.pixels, Some(PixelPlace { offset: bytes.len() - 2, length: Some(2) }));
+        assert_eq!(set.pixels, Some(PixelPlace { offset: bytes.len() - 2, length: Some(2), is_float: false }));
     }
 
     #[test]
@@ -395,7 +417,7 @@ mod tests {
         let (set, _) = parse(&bytes).unwrap();
         assert_eq!(set.root.items((0x0008, 0x1140))[0].short((0x0028, 0x0010)), Some(7));
         assert_eq!(set.root.short((0x0028, 0x0011)), Some(9));
-        assert_eq!(set.pixels, Some(PixelPlace { offset: bytes.len() - 2, length: Some(2) }));
+        assert_eq!(set.pixels, Some(PixelPlace { offset: bytes.len() - 2, length: Some(2), is_float: false }));
     }
 
     #[test]
@@ -408,7 +430,7 @@ mod tests {
         assert_eq!(set.root.short((0x0028, 0x0011)), Some(9));
         assert_eq!(set.root.items((0x0008, 0x1140))[0].short((0x0028, 0x0010)), Some(7));
         assert_eq!(set.root.decimal((0x0018, 0x0050)), Some(0.625), "ten bytes that do not begin as an item does");
-        assert_eq!(set.pixels, Some(PixelPlace { offset: bytes.len() - 2, length: Some(2) }));
+        assert_eq!(set.pixels, Some(PixelPlace { offset: bytes.len() - 2, length: Some(2), is_float: false }));
     }
 
     #[test]

@@ -3,14 +3,18 @@
 //! [`dataset`] parses a file's elements, [`slice`] keeps the relevant ones, [`study`] groups slices into series and chooses one,
 //! [`stack`] orders slices in space, [`pixels`] converts stored values to HU and [`picture`] makes a small picture of a slice.
 
+mod codestream;
 mod dataset;
+mod lut;
 mod origin;
 mod picture;
 mod pixels;
 mod rle;
+mod samples;
 mod slice;
 mod stack;
 mod study;
+mod units;
 
 use std::path::{Path, PathBuf};
 
@@ -20,6 +24,7 @@ use serde_json::{Map, Value, json};
 use self::slice::Slice;
 use self::stack::{Gap, Stack};
 use self::study::Groups;
+pub(crate) use self::units::Units;
 use super::study::{self as list, Study};
 use super::{LoadOptions, Modality, source};
 use crate::error::{Error, Result};
@@ -34,6 +39,8 @@ pub(crate) struct Read {
     pub notes: Vec<String>,
     /// `modality`, `patient_position`, `slice_gaps`, `series`.
     pub facts: Map<String, Value>,
+    /// What the values are.
+    pub units: Units,
 }
 
 /// Reads the chosen series from `files` of `input`. It must be of the modality `wanted`.
@@ -63,6 +70,10 @@ pub(crate) fn load(
         }
         pixels::check_syntax(&s.file)?;
     }
+    let units = units_of(&slices);
+    if let (Units::Other(what), Modality::Ct) = (&units, wanted) {
+        return Err(Error::file(input, format!("holds {what}"), "give the series in HU"));
+    }
     let stack = stack::stack(input, slices)?;
     if !options.allow_gaps {
         refuse_gaps(input, &stack)?;
@@ -75,7 +86,14 @@ pub(crate) fn load(
     facts.insert("series".to_owned(), json!(list));
     notes.extend(stack.notes.iter().cloned());
     let volume = volume(input, stack, &mut notes, progress)?;
-    Ok(Read { volume, notes, facts })
+    Ok(Read { volume, notes, facts, units })
+}
+
+/// Returns what the values of all slices are: HU only if those of each are.
+fn units_of(slices: &[Slice]) -> Units {
+    let doubtful = |s: &&Slice| s.units != Units::Hu;
+    let other = slices.iter().find(|s| matches!(s.units, Units::Other(_)));
+    other.or_else(|| slices.iter().find(doubtful)).map_or(Units::Hu, |s| s.units.clone())
 }
 
 /// Returns the study in `files` of `input`, with pictures of at most `side` pixels a side.
@@ -169,7 +187,17 @@ fn volume(input: &Path, stack: Stack, notes: &mut Vec<String>, progress: &Progre
     source::reserve(input, &mut data, count)?;
     data.resize(count, 0);
     progress.stage("reading", stack.slices.len() as u64);
-    pixels::decode(&stack.slices, &mut data, progress)?;
+    let padded = pixels::decode(&stack.slices, &mut data, progress)?;
+    notes.extend(super::strange_note(padded.strange));
+    if padded.air > 0 {
+        notes.push(format!("{} voxels hold the padding value of the header and became air", padded.air));
+    }
+    if padded.kept > 0 {
+        let n = padded.kept;
+        notes.push(format!(
+            "{n} voxels hold the padding value of the header but lie inside the slices: they stay tissue"
+        ));
+    }
     if stack.slices.iter().any(|s| s.file.inverted) {
         notes.push("is MONOCHROME1: low values are meant to be shown bright; HU are what they are".to_owned());
     }

@@ -6,7 +6,9 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::dataset::{self, DataSet, Fault, Item, PixelPlace, Tag};
+use super::lut;
 use super::origin::Origin;
+use super::units::Units;
 use crate::error::{Error, Result};
 use crate::volume::io::source;
 
@@ -33,6 +35,10 @@ const PADDING: Tag = (0x0028, 0x0120);
 const PADDING_LIMIT: Tag = (0x0028, 0x0121);
 const INTERCEPT: Tag = (0x0028, 0x1052);
 const SLOPE: Tag = (0x0028, 0x1053);
+const RESCALE_TYPE: Tag = (0x0028, 0x1054);
+/// Groups of overlay planes, and the element that tells which bit of a sample holds one (retired).
+const OVERLAYS: std::ops::RangeInclusive<u16> = 0x6000..=0x601E;
+const OVERLAY_BIT: u16 = 0x0102;
 /// Functional groups of an enhanced multi-frame image (PS3.3, C.7.6.16).
 const SHARED: Tag = (0x5200, 0x9229);
 const PER_FRAME: Tag = (0x5200, 0x9230);
@@ -49,7 +55,7 @@ const LONGEST_SIDE: u16 = 16384;
 /// Layout of the stored bits of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Bits {
-    /// Bits of a sample in the file: 8 or 16.
+    /// Bits of a sample in the file: 8 or 16; of floats 32 or 64.
     pub allocated: u16,
     /// Bits that hold the value.
     pub stored: u16,
@@ -76,8 +82,12 @@ pub(crate) struct FileHead {
     pub cols: u16,
     /// Bit layout of a sample.
     pub bits: Bits,
-    /// Lowest and highest stored values that mean padding.
-    pub padding: Option<(i32, i32)>,
+    /// The two ends of the range of stored values that mean padding, as words of the header.
+    pub padding: Option<[u16; 2]>,
+    /// True if bits above the stored ones hold overlays.
+    pub has_overlays: bool,
+    /// True if a Modality LUT gives the values, in the place of slope and intercept.
+    pub has_lut: bool,
     /// True if low values are displayed bright. The meaning of the values is the same.
     pub inverted: bool,
 }
@@ -111,6 +121,8 @@ pub(crate) struct Slice {
     pub slope: f64,
     /// HU of a stored zero.
     pub intercept: f64,
+    /// What the values are.
+    pub units: Units,
     /// The reason the slice is unusable. It only matters if its series is chosen: many scans come with a colour report.
     pub fault: Option<Error>,
 }
@@ -121,15 +133,37 @@ pub(crate) struct Slice {
 /// # Errors
 /// Returns status 3 if not even the series can be determined.
 pub(crate) fn read(path: &Path) -> Result<Vec<Slice>> {
+    match parsed(path)? {
+        Ok((set, room)) => Ok(slices(path, &set, room)),
+        Err((root, fault)) => {
+            // Another series can be opened all the same.
+            let known = root.text(SERIES_UID).is_some() && root.text(MODALITY).is_some();
+            let set = DataSet { root, syntax: String::new(), pixels: None };
+            if known { Ok(vec![standing_for(path, &set, fault, true)]) } else { Err(fault) }
+        }
+    }
+}
+
+/// Reads the header of a file, up to its pixel data, and the number of bytes that the place of the pixel data is counted in.
+///
+/// # Errors
+/// Returns status 3 if it cannot be read.
+pub(crate) fn header(path: &Path) -> Result<(DataSet, u64)> {
+    parsed(path)?.map_err(|(_, fault)| fault)
+}
+
+/// Reads the header of a file; of a damaged one, the elements before the damage, and the fault.
+#[expect(clippy::type_complexity, reason = "used by the two functions above")]
+fn parsed(path: &Path) -> Result<std::result::Result<(DataSet, u64), (Item, Error)>> {
     let (_, len) = source::open(path)?;
     let bad = |why: String| Error::file(path, why, "export it again");
     let mut bytes = head(path, FIRST_BYTES.min(len))?;
-    let (set, room) = loop {
+    loop {
         match dataset::parse(&bytes) {
             Ok((set, body)) => {
                 // The file continues beyond the bytes read so far, unless the body was inflated.
                 let room = if matches!(body, std::borrow::Cow::Owned(_)) { body.len() as u64 } else { len };
-                break (set, room);
+                return Ok(Ok((set, room)));
             }
             Err(Fault::Short) if (bytes.len() as u64) < len => bytes = head(path, (16 * bytes.len() as u64).min(len))?,
             Err(fault) => {
@@ -137,20 +171,15 @@ pub(crate) fn read(path: &Path) -> Result<Vec<Slice>> {
                     Fault::Short => "ends early, inside its header".to_owned(),
                     Fault::Bad(why) => why,
                 });
-                let root = dataset::parse_start(&bytes);
-                // Another series can be opened all the same.
-                let known = root.text(SERIES_UID).is_some() && root.text(MODALITY).is_some();
-                let set = DataSet { root, syntax: String::new(), pixels: None };
-                return if known { Ok(vec![standing_for(path, &set, fault, true)]) } else { Err(fault) };
+                return Ok(Err((dataset::parse_start(&bytes), fault)));
             }
         }
-    };
-    Ok(slices(path, &set, room))
+    }
 }
 
 /// Returns a slice that stands for an unusable one.
 fn standing_for(path: &Path, set: &DataSet, fault: Error, image: bool) -> Slice {
-    let place = PixelPlace { offset: 0, length: None };
+    let place = PixelPlace { offset: 0, length: None, is_float: false };
     let file = unusable(path, set, set.pixels.unwrap_or(place));
     Slice { fault: Some(fault), ..base(file, &set.root, image) }
 }
@@ -197,6 +226,7 @@ fn base(file: FileHead, root: &Item, image: bool) -> Slice {
         depth: None,
         slope: 1.0,
         intercept: 0.0,
+        units: lut::units(root).unwrap_or(Units::Missing),
         fault: None,
         file: Arc::new(file),
     }
@@ -267,6 +297,12 @@ impl Slice {
         if let Some(i) = numbers(INTERCEPT, "RescaleIntercept", 1)? {
             self.intercept = i[0];
         }
+        let rescaled = item.text(SLOPE).is_some() || item.text(INTERCEPT).is_some();
+        if let Some(term) = item.text(RESCALE_TYPE).filter(|_| !self.file.has_lut) {
+            self.units = Units::of("RescaleType", &term);
+        } else if rescaled && self.units == Units::Missing {
+            self.units = Units::Hu;
+        }
         Ok(())
     }
 }
@@ -287,6 +323,8 @@ fn unusable(path: &Path, set: &DataSet, pixels: PixelPlace) -> FileHead {
         cols: set.root.short(COLUMNS).unwrap_or(0),
         bits: Bits { allocated: 16, stored: 16, high: 15, signed: false },
         padding: None,
+        has_overlays: false,
+        has_lut: false,
         inverted: false,
     }
 }
@@ -312,12 +350,8 @@ fn file_head(path: &Path, set: &DataSet, pixels: PixelPlace, room: u64) -> Resul
     let allocated = need(ALLOCATED, "BitsAllocated")?;
     let stored = root.short(STORED).unwrap_or(allocated);
     let high = root.short(HIGH_BIT).unwrap_or(stored.saturating_sub(1));
-    if !(allocated == 8 || allocated == 16)
-        || stored == 0
-        || stored > allocated
-        || high >= allocated
-        || high + 1 < stored
-    {
+    let sizes: &[u16] = if pixels.is_float { &[32, 64] } else { &[8, 16] };
+    if !sizes.contains(&allocated) || stored == 0 || stored > allocated || high >= allocated || high + 1 < stored {
         return Err(Error::file(
             path,
             format!("has {stored} of {allocated} bits with {high} as the highest"),
@@ -333,12 +367,7 @@ fn file_head(path: &Path, set: &DataSet, pixels: PixelPlace, room: u64) -> Resul
             .ok_or_else(|| wrong(path, "NumberOfFrames", &t, "1 to 100000"))?,
     };
     let signed = root.short(REPRESENTATION).unwrap_or(0) == 1;
-    let stored_value = |v: u16| if signed { i32::from(v as i16) } else { i32::from(v) };
-    let padding = root.short(PADDING).map(|p| {
-        let a = stored_value(p);
-        let b = root.short(PADDING_LIMIT).map_or(a, stored_value);
-        (a.min(b), a.max(b))
-    });
+    let padding = root.short(PADDING).map(|p| [p, root.short(PADDING_LIMIT).unwrap_or(p)]);
     if let Some(length) = pixels.length {
         let needed = u64::from(rows) * u64::from(cols) * u64::from(allocated / 8) * u64::from(frames);
         let there = room.saturating_sub(pixels.offset as u64).min(length as u64);
@@ -359,6 +388,8 @@ fn file_head(path: &Path, set: &DataSet, pixels: PixelPlace, room: u64) -> Resul
         cols,
         bits: Bits { allocated, stored, high, signed },
         padding,
+        has_overlays: OVERLAYS.step_by(2).any(|group| root.short((group, OVERLAY_BIT)).is_some_and(|bit| bit > 0)),
+        has_lut: !root.items(lut::SEQUENCE).is_empty(),
         inverted: photometric == "MONOCHROME1",
     })
 }

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use super::origin::Kind;
 use super::slice::Slice;
+use super::units::Units;
 use crate::error::{Error, Result};
 use crate::volume::io::Modality;
 use crate::volume::io::study::{self, Series, table};
@@ -159,12 +160,17 @@ fn describe(group: &[Slice]) -> Series {
     let s = &group[0];
     let kind = s.origin.kind;
     let faults = group.iter().filter(|s| s.fault.is_some()).count();
-    let counts = s.modality == "CT" && kind == Kind::Slices && faults < group.len();
+    let other = match &s.units {
+        Units::Other(what) => Some(what),
+        _ => None,
+    };
+    let counts = s.modality == "CT" && kind == Kind::Slices && faults < group.len() && other.is_none();
     let why = match kind {
         Kind::NoImage => Some("no image".to_owned()),
         Kind::Localizer => Some("a localizer".to_owned()),
         Kind::Capture => Some("a secondary capture".to_owned()),
         Kind::Slices if s.modality != "CT" => Some("not CT".to_owned()),
+        Kind::Slices if other.is_some() => other.cloned(),
         Kind::Slices if faults == group.len() => s.fault.as_ref().map(|f| f.why.clone()),
         Kind::Slices if faults > 0 => Some(format!("{faults} of its slices are damaged")),
         Kind::Slices => None,
