@@ -5,6 +5,8 @@ use super::stack::SAME_PLACE;
 /// Maximum deviation of a step from the usual one: a fraction of it, and the effect of rounding both written positions to a tenth
 /// of a millimetre, mm. At most a fraction of the step.
 const UNEVEN: (f64, f64, f64) = (0.1, 0.12, 0.4);
+/// Maximum deviation where passes are to be told from gaps, as a fraction of the usual step.
+const TIGHT: f64 = 0.25;
 /// Least number of slices of a pass that only its spacing tells.
 const LEAST_SLICES: usize = 4;
 /// Maximum number of passes that only spacing tells apart.
@@ -24,31 +26,46 @@ pub(crate) fn faults(along: &[f64]) -> usize {
     steps.iter().filter(|d| **d < SAME_PLACE || (**d - usual).abs() > room(*usual)).count()
 }
 
-/// True if positions in ascending order, mm, are those of several even passes that overlap.
+/// True if positions in ascending order, mm, are those of several even passes that overlap, and not of one that lacks a few slices.
 pub(crate) fn several(along: &[f64]) -> bool {
-    passes(along, MOST_PASSES)
+    let mut steps: Vec<f64> = along.windows(2).map(|w| w[1] - w[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    let Some(usual) = steps.get(steps.len().saturating_sub(1) / 2) else { return false };
+    let room = room(*usual).min(TIGHT * usual);
+    !lacks_few(along, *usual, room) && passes(along, room, MOST_PASSES)
 }
 
-fn passes(along: &[f64], most: usize) -> bool {
+/// True if positions are those of one even pass without a few slices: few steps are multiples of the usual one, and the others
+/// equal it. Where two passes begin one after the other, or end so, steps are doubled there.
+fn lacks_few(along: &[f64], usual: f64, room: f64) -> bool {
+    let steps: Vec<f64> = along.windows(2).map(|w| w[1] - w[0]).collect();
+    let wide = |d: &f64| *d > usual + room;
+    let multiples = steps.iter().all(|d| (d - (d / usual).round().max(1.0) * usual).abs() <= room);
+    let few = 4 * steps.iter().filter(|d| wide(d)).count() < steps.len();
+    let at_ends = steps.iter().take(2).all(wide) || steps.iter().rev().take(2).all(wide);
+    multiples && few && !at_ends
+}
+
+fn passes(along: &[f64], room: f64, most: usize) -> bool {
     if most < 2 || along.len() < 2 * LEAST_SLICES {
         return false;
     }
     (1..=MOST_PASSES).any(|next| {
-        let (first, rest) = chain(along, along[next] - along[0]);
+        let (first, rest) = chain(along, along[next] - along[0], room);
         let (Some(end), Some(begin)) = (first.last(), rest.first()) else { return false };
         let long = first.len() >= LEAST_SLICES && rest.len() >= LEAST_SLICES;
-        long && begin < end && (faults(&rest) == 0 || passes(&rest, most - 1))
+        long && begin < end && (faults(&rest) == 0 || passes(&rest, room, most - 1))
     })
 }
 
-/// Follows the first position in steps of `step`, and returns what it meets and what it leaves.
-fn chain(along: &[f64], step: f64) -> (Vec<f64>, Vec<f64>) {
+/// Follows the first position in steps of `step` (with `room` for each, mm), and returns what it meets and what it leaves.
+fn chain(along: &[f64], step: f64, room: f64) -> (Vec<f64>, Vec<f64>) {
     let (mut taken, mut left) = (vec![along[0]], Vec::with_capacity(along.len()));
     let mut at = 1;
     while at < along.len() {
         let wanted = taken[taken.len() - 1] + step;
         let nearest = |k: usize| (along[k] - wanted).abs();
-        if nearest(at) > room(step) || along.get(at + 1).is_some_and(|_| nearest(at + 1) < nearest(at)) {
+        if nearest(at) > room || along.get(at + 1).is_some_and(|_| nearest(at + 1) < nearest(at)) {
             left.push(along[at]);
         } else {
             taken.push(along[at]);
