@@ -7,6 +7,8 @@ mod formats;
 mod labels;
 mod peers;
 #[cfg(feature = "dicom")]
+mod series;
+#[cfg(feature = "dicom")]
 mod study;
 mod surface;
 #[cfg(feature = "dicom")]

@@ -298,15 +298,19 @@ pub fn inspect(path: &Path, options: &LoadOptions, progress: &Progress) -> Resul
     Ok((Value::Object(map), loaded.notes))
 }
 
-/// Returns the series of a folder of DICOM, with pictures of at most `side` pixels a side; no series for any other input. It
-/// decodes one slice of each series.
+/// Returns the series of a folder of DICOM, of a medium by its index (DICOMDIR), or of a file with several, with pictures of at
+/// most `side` pixels a side; no series for any other input. It decodes one slice of each series.
 ///
 /// # Errors
-/// Returns status 3 if the folder cannot be read, status 4 if cancelled.
+/// Returns status 3 if the input cannot be read, status 4 if cancelled.
 pub fn study(path: &Path, side: usize, progress: &Progress) -> Result<study::Study> {
     match detect(path, progress)? {
         #[cfg(feature = "dicom")]
-        Format::Dicom(files) if path.is_dir() => dicom::study(path, &files, side, progress),
+        Format::Dicom(files) => {
+            let study = dicom::study(path, &files, side, progress)?;
+            // A file of one scan leaves nothing to choose.
+            Ok(if path.is_dir() || study.series.len() > 1 { study } else { study::Study::default() })
+        }
         _ => {
             let _ = side;
             Ok(study::Study::default())

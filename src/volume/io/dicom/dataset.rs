@@ -96,6 +96,31 @@ impl Item {
         }
     }
 
+    /// Returns an unsigned long.
+    pub(crate) fn long(&self, tag: Tag) -> Option<u32> {
+        let b: [u8; 4] = self.values.get(&tag)?.get(..4)?.try_into().ok()?;
+        Some(match self.order {
+            ByteOrder::Little => u32::from_le_bytes(b),
+            ByteOrder::Big => u32::from_be_bytes(b),
+        })
+    }
+
+    /// Returns the floating point number of an element that holds one, single or double.
+    pub(crate) fn float(&self, tag: Tag) -> Option<f64> {
+        let bytes = self.values.get(&tag)?;
+        let little = self.order == ByteOrder::Little;
+        if let Ok(b) = <[u8; 4]>::try_from(&bytes[..]) {
+            return Some(f64::from(if little { f32::from_le_bytes(b) } else { f32::from_be_bytes(b) }));
+        }
+        let b: [u8; 8] = bytes.get(..8)?.try_into().ok()?;
+        Some(if little { f64::from_le_bytes(b) } else { f64::from_be_bytes(b) })
+    }
+
+    /// Returns the first item of each sequence.
+    pub(crate) fn nested(&self) -> impl Iterator<Item = &Item> {
+        self.sequences.values().filter_map(|items| items.first())
+    }
+
     /// Returns the items of a sequence.
     pub(crate) fn items(&self, tag: Tag) -> &[Item] {
         self.sequences.get(&tag).map_or(&[], Vec::as_slice)

@@ -4,9 +4,14 @@
 //! [`stack`] orders slices in space, [`pixels`] converts stored values to HU and [`picture`] makes a small picture of a slice.
 
 mod codestream;
+mod copies;
 mod dataset;
+mod even;
+mod index;
 mod lut;
+mod marks;
 mod origin;
+mod passes;
 mod picture;
 mod pixels;
 mod rle;
@@ -60,7 +65,7 @@ pub(crate) fn load(
     groups.check(input, chosen, wanted)?;
     let list: Vec<Value> = groups.list.iter().enumerate().map(|(k, s)| study::entry(s, k == chosen)).collect();
     let slices = groups.slices.swap_remove(chosen);
-    let (modality, patient_position) = (slices[0].modality.clone(), slices[0].patient_position.clone());
+    let (modality, patient_position) = (slices[0].modality.clone(), study::patient_position(&slices));
     if modality != "CT" && wanted == Modality::Ct {
         return Err(Error::file(input, format!("its modality is {modality}, whose values are not HU"), "give a CT"));
     }
@@ -74,7 +79,7 @@ pub(crate) fn load(
     if let (Units::Other(what), Modality::Ct) = (&units, wanted) {
         return Err(Error::file(input, format!("holds {what}"), "give the series in HU"));
     }
-    let stack = stack::stack(input, slices)?;
+    let stack = stack::stack(input, slices, progress)?;
     if !options.allow_gaps {
         refuse_gaps(input, &stack)?;
     }
@@ -128,13 +133,28 @@ fn groups(input: &Path, files: &[PathBuf], notes: &mut Vec<String>, progress: &P
         })
         .collect();
     progress.check()?;
-    let (mut slices, mut unread) = (Vec::new(), Vec::new());
+    let (mut slices, mut unread, mut indexes) = (Vec::new(), Vec::new(), Vec::new());
     for (file, read) in files.iter().zip(read) {
         match read {
+            Ok(none) if none.is_empty() => indexes.push(file),
             Ok(some) => slices.extend(some),
             // The index of a medium is never needed.
             Err(_) if file.file_name().is_some_and(|n| n.eq_ignore_ascii_case("DICOMDIR")) => {}
             Err(e) => unread.push(e),
+        }
+    }
+    // A file that holds no image and no report is an index, or names neither series nor modality.
+    for file in indexes {
+        let Some(index) = index::read(file)? else { continue };
+        notes.extend(index.note(file));
+        if file == input {
+            if index.files.is_empty() {
+                let why = "is the index of a medium, and no file that it lists is there";
+                return Err(Error::file(input, why, "copy the whole medium"));
+            }
+            // An index among the listed files is a folder's matter.
+            let listed: Vec<PathBuf> = index.files.into_iter().filter(|f| f != input).collect();
+            return groups(input, &listed, notes, progress);
         }
     }
     let groups = Groups::of(slices.into_iter());

@@ -76,20 +76,31 @@ impl Origin {
             has_identity,
             study: hash(&["of", &study]),
             frame_of_reference: root.text(FRAME_OF_REFERENCE).map(|uid| hash(&["frame", &uid])),
-            description: clean(&text(DESCRIPTION), &name, &id),
+            description: shortened(&clean(&text(DESCRIPTION), &name, &id)),
             kind,
         }
     }
 }
 
 /// FNV-1a of texts. It only has to tell the patients of one folder apart.
-fn hash(parts: &[&str]) -> u64 {
+pub(super) fn hash(parts: &[&str]) -> u64 {
     let bytes = parts.iter().flat_map(|p| p.bytes().chain([0]));
     bytes.fold(0xCBF2_9CE4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01B3))
 }
 
-/// Cleans a description: no control characters, no semicolon (it separates the parts of a message), at most 40 characters, and
-/// `…` for words of the patient's name and for the identifier.
+/// Cleans a text of the header of `root` as a description is cleaned, at full length.
+pub(super) fn cleaned(root: &Item, text: &str) -> String {
+    let of = |tag: Tag| root.text(tag).unwrap_or_default();
+    clean(text, &of(PATIENT_NAME), &of(PATIENT_ID))
+}
+
+/// Returns at most 40 characters of a text.
+pub(super) fn shortened(text: &str) -> String {
+    text.chars().take(MOST_CHARACTERS).collect::<String>().trim_end().to_owned()
+}
+
+/// Cleans a description: no control characters, no semicolon (it separates the parts of a message), and `…` for words of the
+/// patient's name and for the identifier.
 fn clean(description: &str, name: &str, id: &str) -> String {
     let lower = |s: &str| s.to_lowercase();
     let words = |s: &str| s.split(|c: char| !c.is_alphanumeric()).map(lower).collect::<Vec<_>>();
@@ -108,8 +119,7 @@ fn clean(description: &str, name: &str, id: &str) -> String {
         word.clear();
         out.push(c);
     }
-    let out = out.split_whitespace().collect::<Vec<_>>().join(" ");
-    out.chars().take(MOST_CHARACTERS).collect::<String>().trim_end().to_owned()
+    out.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]
@@ -118,7 +128,7 @@ mod tests {
 
     #[test]
     fn a_description_is_short_and_names_nobody() {
-        let cleaned = |text: &str| clean(text, "Doe^Jane=ドウ", "SECRET7");
+        let cleaned = |text: &str| shortened(&clean(text, "Doe^Jane=ドウ", "SECRET7"));
         assert_eq!(cleaned("  Colon\t1.0;  B30f\n"), "Colon 1.0, B30f");
         assert_eq!(cleaned("JANE doe SECRET7-prone, does"), "… … …-prone, does");
         assert_eq!(cleaned(&"ä".repeat(99)).chars().count(), 40);

@@ -180,21 +180,3 @@ fn read(path: &Path, begin: u64, length: usize) -> Result<Vec<u8>> {
     file.take(length as u64).read_to_end(&mut bytes).map_err(fail)?;
     if bytes.len() < length { Err(fault(path, Fault::Short)) } else { Ok(bytes) }
 }
-
-/// True if two slices store the same pixels, byte for byte.
-///
-/// # Errors
-/// Returns an error if one cannot be read.
-pub(crate) fn same_pixels(a: &Slice, b: &Slice) -> Result<bool> {
-    if a.file.syntax != b.file.syntax || a.file.frames > 1 || b.file.frames > 1 {
-        return Ok(false);
-    }
-    let pixels = |s: &Slice| {
-        let (_, len) = source::open(&s.file.path)?;
-        let begin = s.file.pixels.offset as u64;
-        let rest = len.saturating_sub(begin);
-        let length = s.file.pixels.length.map_or(rest, |l| rest.min(l as u64));
-        read(&s.file.path, begin.min(len), length as usize)
-    };
-    Ok(pixels(a)? == pixels(b)?)
-}

@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use super::dataset::{self, DataSet, Fault, Item, PixelPlace, Tag};
 use super::lut;
+use super::marks::Marks;
 use super::origin::Origin;
 use super::units::Units;
 use crate::error::{Error, Result};
@@ -109,6 +110,8 @@ pub(crate) struct Slice {
     pub patient_position: Option<String>,
     /// What its series holds, and of whom.
     pub origin: Arc<Origin>,
+    /// What can tell its pass from others of the series.
+    pub marks: Arc<Marks>,
     /// World directions of increasing column index and of increasing row index.
     pub axes: Option<[DVec3; 2]>,
     /// World position of the first pixel's centre, mm LPS.
@@ -220,6 +223,7 @@ fn base(file: FileHead, root: &Item, image: bool) -> Slice {
         modality: root.text(MODALITY).or(by_class).unwrap_or_else(|| "unknown".to_owned()),
         patient_position: root.text(PATIENT_POSITION),
         origin: Arc::new(Origin::of(root, image)),
+        marks: Arc::new(Marks::of(root)),
         axes: None,
         position: None,
         spacing: None,
@@ -239,6 +243,9 @@ impl Slice {
         let mut slice = Self { frame, ..self.clone() };
         slice.fill(path, root)?;
         let own = root.items(PER_FRAME).get(frame as usize);
+        if let Some(marks) = self.marks.of_frame(root, frame) {
+            slice.marks = Arc::new(marks);
+        }
         if self.file.frames > 1 && own.is_none() {
             return Err(Error::file(
                 path,

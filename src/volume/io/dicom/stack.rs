@@ -4,14 +4,15 @@ use std::path::Path;
 
 use glam::{DMat3, DVec3};
 
-use super::pixels;
 use super::slice::Slice;
+use super::{copies, even};
 use crate::error::{Error, Result};
+use crate::progress::Progress;
 use crate::volume::Grid;
 use crate::volume::io::frame;
 
 /// Slices closer than this are at the same position, mm.
-const SAME_PLACE: f64 = 1e-3;
+pub(crate) const SAME_PLACE: f64 = 1e-3;
 /// Maximum sideways offset of slices from the line through the first and the last, mm.
 const SIDEWAYS: f64 = 0.5;
 /// Maximum deviation of a slice from its position in a regular stack: a fraction of the spacing, and the effect of
@@ -44,11 +45,12 @@ pub(crate) struct Stack {
     pub notes: Vec<String>,
 }
 
-/// Sorts slices of one series and finds their grid.
+/// Sorts slices of one pass and finds their grid.
 ///
 /// # Errors
-/// Returns status 3 if slices disagree in size, orientation or spacing, share a position, or have none.
-pub(crate) fn stack(input: &Path, mut slices: Vec<Slice>) -> Result<Stack> {
+/// Returns status 3 if slices disagree in size, orientation or spacing, have no position, or lie as those of several passes; status
+/// 4 if cancelled.
+pub(crate) fn stack(input: &Path, mut slices: Vec<Slice>, progress: &Progress) -> Result<Stack> {
     let mut notes = Vec::new();
     agree(&slices)?;
     let first = slices[0].clone();
@@ -68,12 +70,18 @@ pub(crate) fn stack(input: &Path, mut slices: Vec<Slice>) -> Result<Stack> {
         let along = |s: &Slice| place(s).dot(normal);
         along(a).total_cmp(&along(b)).then_with(|| a.file.path.cmp(&b.file.path)).then(a.frame.cmp(&b.frame))
     });
-    let slices = without_duplicates(slices, normal, &mut notes)?;
+    let slices = copies::left_out(input, slices, normal, &mut notes, progress)?;
     if slices.len() == 1 {
         return single(slices.into_iter().next().unwrap_or(first), spacing, notes);
     }
     let along: Vec<f64> = slices.iter().map(|s| place(s).dot(normal)).collect();
-    let layout = layout(input, &along)?;
+    let layout = layout(input, &along);
+    let regular = layout.as_ref().is_ok_and(|l| l.gaps.is_empty() && l.uneven.is_none());
+    if !regular && even::several(&along) {
+        let why = "its slices lie as those of two or more passes, and no header tells the passes apart";
+        return Err(Error::file(input, why, "export each pass as a series of its own"));
+    }
+    let layout = layout?;
     let last_slot = layout.slots.last().copied().unwrap_or(1.0).round().max(1.0);
     let (from, to) = (place(&slices[0]), place(&slices[slices.len() - 1]));
     let step = (to - from) / last_slot;
@@ -118,36 +126,45 @@ fn in_plane(input: &Path, s: &Slice, notes: &mut Vec<String>) -> Result<[f64; 2]
 
 /// Rejects slices that cannot belong to one volume.
 fn agree(slices: &[Slice]) -> Result<()> {
-    let a = &slices[0];
     for b in slices {
-        let differs = |what: &str, x: String, y: String| {
-            Error::file(
+        if let Some(Difference { what, first, own }) = difference(&slices[0], b) {
+            return Err(Error::file(
                 &b.file.path,
-                format!("its {what} is {y} where the series' first slice has {x}"),
+                format!("its {what} is {own} where the series' first slice has {first}"),
                 "take the slices of another scan out of the series",
-            )
-        };
-        if (a.file.rows, a.file.cols) != (b.file.rows, b.file.cols) {
-            let size = |s: &Slice| format!("{}×{}", s.file.cols, s.file.rows);
-            return Err(differs("size", size(a), size(b)));
-        }
-        let turned = match (a.axes, b.axes) {
-            (Some(p), Some(q)) => (p[0] - q[0]).length() > 1e-3 || (p[1] - q[1]).length() > 1e-3,
-            (p, q) => p.is_some() != q.is_some(),
-        };
-        if turned {
-            let text = |s: &Slice| s.axes.map_or("not given".to_owned(), |[x, y]| format!("{x} {y}"));
-            return Err(differs("orientation", text(a), text(b)));
-        }
-        let stretched = match (a.spacing, b.spacing) {
-            (Some(p), Some(q)) => p.iter().zip(q).any(|(p, q)| (p - q).abs() > 1e-3 * p),
-            (p, q) => p.is_some() != q.is_some(),
-        };
-        if stretched {
-            return Err(differs("spacing", format!("{:?} mm", a.spacing), format!("{:?} mm", b.spacing)));
+            ));
         }
     }
     Ok(())
+}
+
+/// A property in which two slices differ.
+pub(crate) struct Difference {
+    what: &'static str,
+    first: String,
+    own: String,
+}
+
+/// Returns what keeps slice `b` out of the volume of slice `a`, whatever their positions.
+pub(crate) fn difference(a: &Slice, b: &Slice) -> Option<Difference> {
+    if (a.file.rows, a.file.cols) != (b.file.rows, b.file.cols) {
+        let size = |s: &Slice| format!("{}×{}", s.file.cols, s.file.rows);
+        return Some(Difference { what: "size", first: size(a), own: size(b) });
+    }
+    let turned = match (a.axes, b.axes) {
+        (Some(p), Some(q)) => (p[0] - q[0]).length() > 1e-3 || (p[1] - q[1]).length() > 1e-3,
+        (p, q) => p.is_some() != q.is_some(),
+    };
+    if turned {
+        let text = |s: &Slice| s.axes.map_or("not given".to_owned(), |[x, y]| format!("{x} {y}"));
+        return Some(Difference { what: "orientation", first: text(a), own: text(b) });
+    }
+    let stretched = match (a.spacing, b.spacing) {
+        (Some(p), Some(q)) => p.iter().zip(q).any(|(p, q)| (p - q).abs() > 1e-3 * p),
+        (p, q) => p.is_some() != q.is_some(),
+    };
+    let text = |s: &Slice| format!("{:?} mm", s.spacing);
+    stretched.then(|| Difference { what: "spacing", first: text(a), own: text(b) })
 }
 
 fn single(slice: Slice, spacing: [f64; 2], mut notes: Vec<String>) -> Result<Stack> {
@@ -164,30 +181,6 @@ fn single(slice: Slice, spacing: [f64; 2], mut notes: Vec<String>) -> Result<Sta
     let steps = DVec3::new(spacing[0], spacing[1], depth);
     let grid = frame::grid(&slice.file.path, dims, steps, slice.position.unwrap_or_default(), direction)?;
     Ok(Stack { slices: vec![slice], grid, slots: vec![0.0], gaps: Vec::new(), uneven: None, notes })
-}
-
-/// Drops duplicate slices; rejects different slices at the same position.
-fn without_duplicates(slices: Vec<Slice>, normal: DVec3, notes: &mut Vec<String>) -> Result<Vec<Slice>> {
-    let mut out: Vec<Slice> = Vec::with_capacity(slices.len());
-    for s in slices {
-        if let Some(last) = out.last() {
-            let apart = (s.position.unwrap_or_default() - last.position.unwrap_or_default()).dot(normal);
-            if apart.abs() < SAME_PLACE {
-                let (one, two) = (&last.file.path, &s.file.path);
-                if !pixels::same_pixels(last, &s)? {
-                    return Err(Error::file(
-                        two,
-                        format!("has the position of {} but other values", one.display()),
-                        "keep one of the two slices",
-                    ));
-                }
-                notes.push(format!("{} duplicates {} and was left out", two.display(), one.display()));
-                continue;
-            }
-        }
-        out.push(s);
-    }
-    Ok(out)
 }
 
 struct Layout {

@@ -7,9 +7,11 @@ use glam::DVec3;
 use serde_json::{Value, json};
 
 use super::origin::Kind;
+use super::passes::{self, Pass};
 use super::slice::Slice;
 use super::units::Units;
 use crate::error::{Error, Result};
+use crate::volume::PatientPosition;
 use crate::volume::io::Modality;
 use crate::volume::io::study::{self, Series, table};
 
@@ -25,8 +27,8 @@ pub(crate) struct Groups {
 }
 
 impl Groups {
-    /// Groups slices by series, in the stable order that `--series` counts: by number, then UID. Localizers, captures and other
-    /// patients are kept apart; series without an image come last.
+    /// Groups slices by series, in the stable order that `--series` counts: by number, then UID. Localizers, captures, other
+    /// patients and the passes under one UID are kept apart; series without an image come last.
     pub(crate) fn of(slices: impl Iterator<Item = Slice>) -> Self {
         let mut map: BTreeMap<(bool, i64, String, Kind, u64), Vec<Slice>> = BTreeMap::new();
         for s in slices {
@@ -36,16 +38,23 @@ impl Groups {
             let key = (kind == Kind::NoImage, number, s.series.clone(), kind, patient);
             map.entry(key).or_default().push(s);
         }
-        let slices: Vec<Vec<Slice>> = map.into_values().collect();
+        let passes: Vec<Pass> = map.into_values().flat_map(passes::split).collect();
         let (mut patients, mut studies) = (Vec::new(), Vec::new());
-        let mut list: Vec<Series> = Vec::with_capacity(slices.len());
-        for group in &slices {
+        let mut list: Vec<Series> = Vec::with_capacity(passes.len());
+        for Pass { slices: group, words } in &passes {
             let origin = &group[0].origin;
             let patient = number_of(&mut patients, origin.patient);
             let study = number_of(&mut studies, (origin.patient, origin.study));
-            list.push(Series { number: list.len() + 1, patient, study, ..describe(group) });
+            let mut series = Series { number: list.len() + 1, patient, study, ..describe(group) };
+            if !words.is_empty() && series.description != *words {
+                let between = if series.description.is_empty() { "" } else { ", " };
+                series.description = format!("{}{between}{words}", series.description);
+            }
+            list.push(series);
         }
-        let frames: Vec<Option<u64>> = slices.iter().map(|g| g[0].origin.frame_of_reference).collect();
+        let slices: Vec<Vec<Slice>> = passes.into_iter().map(|p| p.slices).collect();
+        let frame = |g: &Vec<Slice>| g.iter().find_map(|s| s.origin.frame_of_reference);
+        let frames: Vec<Option<u64>> = slices.iter().map(frame).collect();
         study::pair(&mut list, &frames);
         Self { slices, list }
     }
@@ -158,6 +167,7 @@ fn number_of<T: PartialEq>(known: &mut Vec<T>, key: T) -> usize {
 /// Describes a series by its slices.
 fn describe(group: &[Slice]) -> Series {
     let s = &group[0];
+    let sound = group.iter().find(|s| s.fault.is_none()).unwrap_or(s);
     let kind = s.origin.kind;
     let faults = group.iter().filter(|s| s.fault.is_some()).count();
     let other = match &s.units {
@@ -179,9 +189,9 @@ fn describe(group: &[Slice]) -> Series {
         series_number: s.series_number,
         modality: word(&s.modality),
         slices: if kind == Kind::NoImage { 0 } else { group.len() },
-        size: [s.file.cols, s.file.rows],
+        size: [sound.file.cols, sound.file.rows],
         spacing_mm: spacing(group),
-        patient_position: s.patient_position.clone(),
+        patient_position: patient_position(group),
         description: s.origin.description.clone(),
         plane: plane(group),
         counts,
@@ -201,19 +211,27 @@ fn normal(slice: &Slice) -> Option<DVec3> {
     slice.axes.map(|[x, y]| x.cross(y))
 }
 
+/// Returns the code of the patient's position that the slices give: the first that says which side is down, else the first.
+pub(crate) fn patient_position(group: &[Slice]) -> Option<String> {
+    let mut codes = group.iter().filter_map(|s| s.patient_position.as_ref());
+    let known = codes.clone().find(|code| PatientPosition::of_header(code).is_some());
+    known.or_else(|| codes.next()).cloned()
+}
+
 /// Returns the plane of slices that agree.
 fn plane(group: &[Slice]) -> Option<&'static str> {
     let name = |n: DVec3| {
         let [x, y, z] = n.abs().to_array();
         [("sagittal", x), ("coronal", y), ("axial", z)].into_iter().find(|p| p.1 >= ALONG).map_or("oblique", |p| p.0)
     };
-    let first = normal(&group[0]).map(name)?;
-    group.iter().all(|s| normal(s).map(name) == Some(first)).then_some(first)
+    let mut sound = group.iter().filter(|s| s.fault.is_none()).map(|s| normal(s).map(name));
+    let first = sound.next()??;
+    sound.all(|plane| plane == Some(first)).then_some(first)
 }
 
 /// Returns the distance between columns and rows, and the usual one between slices, mm.
 fn spacing(group: &[Slice]) -> Option<[f64; 3]> {
-    let first = &group[0];
+    let first = group.iter().find(|s| s.fault.is_none())?;
     let [x, y] = first.spacing?;
     // Localizers in several planes have no distance between them.
     let mut along = plane(group).and_then(|_| positions(group)).unwrap_or_default();
@@ -226,8 +244,9 @@ fn spacing(group: &[Slice]) -> Option<[f64; 3]> {
 
 /// Returns the positions of slices along the normal of the first, mm.
 fn positions(group: &[Slice]) -> Option<Vec<f64>> {
-    let normal = normal(&group[0])?;
-    group.iter().map(|s| s.position.map(|p| p.dot(normal))).collect()
+    let mut sound = group.iter().filter(|s| s.fault.is_none()).peekable();
+    let normal = normal(sound.peek()?)?;
+    sound.map(|s| s.position.map(|p| p.dot(normal))).collect()
 }
 
 /// Returns the middle slice of a series, of those that can be read.
