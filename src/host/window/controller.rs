@@ -29,6 +29,7 @@ use super::moving::Moving;
 use super::overlay::{HudState, Severity};
 use super::overlays::Overlays;
 use super::panels::FlightInput;
+use super::place::Place;
 use super::screenshot;
 use super::screenshot_renderer::{Traced, WakeUp};
 use super::seen::Seen;
@@ -85,6 +86,7 @@ pub(crate) struct FlightController {
     travel: Option<Travel>,
     view_renderer: ViewRenderer,
     figures: Figures,
+    place: Place,
     message: Option<(String, Instant)>,
     /// Errors that have been printed.
     reported: BTreeSet<String>,
@@ -169,6 +171,7 @@ impl FlightController {
             travel: None,
             view_renderer,
             figures: Figures::new(now),
+            place: Place::new(now),
             message: thick,
             reported: BTreeSet::new(),
             help: false,
@@ -714,6 +717,10 @@ impl FlightController {
         }
         let (share, length) = self.flight.survey().progress();
         let along = share * length;
+        // The first picture comes first, and the tag is taken out of a volume that nothing else holds.
+        if self.has_shown && !self.cleansing.is_waiting() {
+            self.place.update(&self.flight, &self.wake, now);
+        }
         let (marks_drawn, fault) = self.overlays.draw(&self.flight, self.scale);
         if let Some(e) = fault {
             self.report_fault(&e, now);
@@ -733,12 +740,12 @@ impl FlightController {
                 .iter()
                 .map(|m| (m * 1000.0).round() as u32)
                 .collect(),
-            // The length is approximate, so it is rounded to its significant digits.
-            place: {
+            // Until the measure along the colon is known, the distance flown: its length is approximate, so it is rounded.
+            place: self.place.text().unwrap_or_else(|| {
                 let mm =
                     format!("{:.0} of about {:.0} mm", (along / 10.0).round() * 10.0, (length / 10.0).round() * 10.0);
                 self.figures.part().map_or(mm.clone(), |part| format!("{part}, {mm}"))
-            },
+            }),
             message: self.message.as_ref().map(|m| m.0.clone()),
             help: if self.help { self.actions.help() } else { Vec::new() },
             marks_drawn,

@@ -24,6 +24,7 @@ mod overlay;
 mod overlays;
 mod painter;
 pub mod panels;
+mod place;
 pub(crate) mod plane;
 mod present_timer;
 mod recent;
