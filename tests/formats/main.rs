@@ -4,13 +4,18 @@ mod bad_input;
 #[cfg(feature = "dicom")]
 mod dicom;
 mod formats;
+#[cfg(feature = "dicom")]
+mod headers;
 mod labels;
+#[cfg(feature = "dicom")]
+mod lost;
 mod peers;
 #[cfg(feature = "dicom")]
 mod series;
 #[cfg(feature = "dicom")]
 mod study;
 mod surface;
+mod variants;
 
 #[path = "../support"]
 mod support {
@@ -18,6 +23,7 @@ mod support {
     pub(crate) mod dicom;
     #[cfg(feature = "dicom")]
     pub(crate) mod enhanced;
+    pub(crate) mod judged;
     pub(crate) mod nifti;
     pub(crate) mod packing;
     pub(crate) mod reading;

@@ -13,6 +13,7 @@ mod nifti;
 mod normalise;
 mod nrrd;
 mod padding;
+mod passed;
 mod png;
 mod raw;
 mod source;
@@ -106,24 +107,26 @@ fn read(
     progress: &Progress,
 ) -> Result<(Loaded, Map<String, Value>)> {
     let mut facts = Map::new();
-    let (volume, mut notes) = match detect(path, progress)? {
+    let (format, passed) = detect(path, progress)?;
+    let (volume, read_notes) = match format {
         Format::Nifti => nifti::load(path, progress),
         Format::MetaImage => metaimage::load(path, progress),
         Format::Nrrd => nrrd::load(path, progress),
         Format::Png(files) => png::load(path, &files, options, progress),
         #[cfg(feature = "dicom")]
-        Format::Dicom(files) => {
-            let read = dicom::load(path, &files, options, modality, progress)?;
+        Format::Dicom(files) => dicom::load(path, &files, options, modality, progress).map(|read| {
             facts = read.facts;
-            Ok((read.volume, read.notes))
-        }
+            (read.volume, read.notes)
+        }),
         #[cfg(not(feature = "dicom"))]
         Format::Dicom(_) => {
             let _ = modality;
             facts.clear();
             Err(Error::file(path, "is DICOM, which this build leaves out", "build it with the feature \"dicom\""))
         }
-    }?;
+    }
+    .map_err(|e| with_passed(e, &passed))?;
+    let mut notes = [passed, read_notes].concat();
     // Values of other modalities are not HU, so none of them means padding.
     let volume =
         if facts.get("modality").is_some_and(|m| m != "CT") { volume } else { padding::to_air(volume, &mut notes) };
@@ -132,6 +135,14 @@ fn read(
     }
     let position = facts.get("patient_position").and_then(Value::as_str).and_then(PatientPosition::of_header);
     Ok((Loaded { volume: volume.with_header_position(position), notes }, facts))
+}
+
+/// Adds what was passed over in a folder to an error, which may come from it: a slice between others is missing then.
+fn with_passed(e: Error, passed: &[String]) -> Error {
+    if passed.is_empty() || e.kind != crate::error::Kind::Input || !e.choices.is_empty() {
+        return e;
+    }
+    Error { why: format!("{} ({})", e.why, passed.join(", ")), ..e }
 }
 
 /// Returns a note on what the slices of a scan cannot show; `None` if they are thin. A lesion that is to be judged spans two slices.
@@ -143,14 +154,21 @@ pub fn thick_slices(grid: &Grid) -> Option<String> {
         .then(|| format!("{mm} mm slices: polyps under {} mm cannot be judged", (2.0 * mm * 10.0).round() / 10.0))
 }
 
-fn detect(path: &Path, progress: &Progress) -> Result<Format> {
+/// Returns the format of an input, and notes on what is passed over in a folder.
+fn detect(path: &Path, progress: &Progress) -> Result<(Format, Vec<String>)> {
     let meta = std::fs::metadata(path).map_err(|e| source::unreadable(path, e))?;
     if meta.is_dir() {
-        return Ok(match folder::open(path, progress)? {
+        let (folder, notes) = folder::open(path, progress)?;
+        let format = match folder {
             folder::Folder::Dicom(files) => Format::Dicom(files),
             folder::Folder::Png(files) => Format::Png(files),
-        });
+        };
+        return Ok((format, notes));
     }
+    file_format(path).map(|format| (format, Vec::new()))
+}
+
+fn file_format(path: &Path) -> Result<Format> {
     let head = source::head(path, 4096)?;
     if head.is_empty() {
         Err(Error::file(path, "is empty", SUPPORTED))
@@ -171,6 +189,8 @@ fn detect(path: &Path, progress: &Progress) -> Result<Format> {
         Ok(Format::MetaImage)
     } else if png::recognises(&head) {
         Err(Error::file(path, "is a single PNG", "give the folder of all its slices"))
+    } else if folder::is_bare_dicom(&head) {
+        Ok(Format::Dicom(vec![path.to_owned()]))
     } else {
         Err(Error::file(path, "is not in a supported format", SUPPORTED))
     }
@@ -201,7 +221,7 @@ pub fn inspect(path: &Path, options: &LoadOptions, progress: &Progress) -> Resul
 /// # Errors
 /// Returns status 3 if the input cannot be read, status 4 if cancelled.
 pub fn study(path: &Path, side: usize, progress: &Progress) -> Result<study::Study> {
-    match detect(path, progress)? {
+    match detect(path, progress)?.0 {
         #[cfg(feature = "dicom")]
         Format::Dicom(files) => {
             let study = dicom::study(path, &files, side, progress)?;
@@ -255,12 +275,24 @@ pub fn check_ending(path: &Path) -> Result<()> {
     write::format(path).map(drop)
 }
 
+/// Returns a note if other programs cannot read what is written to `path` on `grid`; `None` if they can.
+pub fn written_note(path: &Path, grid: &Grid) -> Option<String> {
+    let is_nifti = matches!(write::format(path), Ok(write::Format::Nifti { .. }));
+    (is_nifti && !frame::is_orthonormal(&grid.direction())).then(|| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        format!(
+            "{name}: the slices are sheared (a tilted gantry), which ITK, 3D Slicer and ITK-SNAP do not read from NIfTI; \
+             write .nrrd or .mha for them"
+        )
+    })
+}
+
 /// True if a file begins as DICOM does.
 pub fn is_dicom(path: &Path) -> bool {
     use std::io::Read;
     let mut head = Vec::new();
-    let read = std::fs::File::open(path).and_then(|f| f.take(132).read_to_end(&mut head));
-    read.is_ok() && folder::is_dicom(&head)
+    let read = std::fs::File::open(path).and_then(|f| f.take(folder::HEAD).read_to_end(&mut head));
+    read.is_ok() && (folder::is_dicom(&head) || folder::is_bare_dicom(&head))
 }
 
 /// Writes a label mask (one byte per voxel, x fastest) on `grid`. The file extension selects the format.

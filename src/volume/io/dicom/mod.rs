@@ -6,12 +6,15 @@
 mod copies;
 mod dataset;
 mod even;
+mod fragments;
 mod index;
 mod marks;
 mod origin;
+mod parse;
 mod passes;
 mod picture;
 mod pixels;
+mod recover;
 mod rle;
 mod slice;
 mod stack;
@@ -22,6 +25,8 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
+use self::dataset::Oddities;
+pub(crate) use self::recover::begins_bare;
 use self::slice::Slice;
 use self::stack::{Gap, Stack};
 use self::study::Groups;
@@ -68,6 +73,7 @@ pub(crate) fn load(
         }
         pixels::check_syntax(&s.file)?;
     }
+    notes.extend(odd(&slices));
     let stack = stack::stack(input, slices, progress)?;
     if !options.allow_gaps {
         refuse_gaps(input, &stack)?;
@@ -152,6 +158,23 @@ fn groups(input: &Path, files: &[PathBuf], notes: &mut Vec<String>, progress: &P
         return Err(Error::file(input, "holds no DICOM image", "give a CT series"));
     }
     Ok(groups)
+}
+
+/// Returns notes on files of a series that are read although they are not as the standard says.
+fn odd(slices: &[Slice]) -> Vec<String> {
+    let kinds: [(fn(&Oddities) -> bool, &str); 4] = [
+        (|o| o.no_syntax, "without a transfer syntax: their bytes tell how they are encoded"),
+        (|o| o.other_form, "not encoded as their transfer syntax says: they are read as they are"),
+        (|o| o.damage, "with damaged elements that are not needed: these are passed over"),
+        (|o| o.no_frames, "with 0 as NumberOfFrames: 1 is taken"),
+    ];
+    let one = |(has, words): &(fn(&Oddities) -> bool, &str)| {
+        let mut odd = slices.iter().filter(|s| has(&s.file.oddities)).peekable();
+        let first = odd.peek()?.file.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let n = odd.count();
+        Some(format!("{n} {} {words}, the first: {first}", if n == 1 { "slice" } else { "slices" }))
+    };
+    kinds.iter().filter_map(one).collect()
 }
 
 fn refuse_gaps(input: &Path, stack: &Stack) -> Result<()> {

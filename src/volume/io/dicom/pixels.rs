@@ -9,6 +9,7 @@ use dicom_pixeldata::PixelDecoder;
 use rayon::prelude::*;
 
 use super::dataset::{self, Fault};
+use super::fragments;
 use super::rle;
 use super::slice::{FileHead, Slice};
 use crate::error::{Error, Result};
@@ -183,11 +184,10 @@ fn frame_of<'a>(file: &FileHead, parts: &[&'a [u8]], frame: u32) -> Result<Cow<'
         [one] if file.frames == 1 => Ok(Cow::Borrowed(one)),
         _ if file.frames == 1 => Ok(Cow::Owned(parts.concat())),
         _ if parts.len() == file.frames as usize => Ok(Cow::Borrowed(parts[frame as usize])),
-        _ => Err(Error::file(
-            &file.path,
-            format!("has {} fragments for {} frames", parts.len(), file.frames),
-            "export it as single slices",
-        )),
+        _ => fragments::of_frame(parts, file.frames, frame).map(|own| Cow::Owned(own.concat())).ok_or_else(|| {
+            let why = format!("has {} fragments for {} frames", parts.len(), file.frames);
+            Error::file(&file.path, why, "export it as single slices")
+        }),
     }
 }
 
