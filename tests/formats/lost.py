@@ -179,7 +179,7 @@ def pictures(c):
 
     good("png_whole")
     good("png_from_1", names=lambda k: f"slice{k + 1}.png")
-    good("png_from_9", "slices are numbered from 9: s9.png is taken for the most inferior", names=lambda k: f"s{k + 9}.png")
+    good("png_from_9", names=lambda k: f"s{k + 9}.png")
     good("png_twos", names=lambda k: f"s{2 * k:04}.png")
     good("png_letters", names=lambda k: f"{chr(97 + k)}.png")
     good("png_dated", names=lambda k: f"2020_{k:03}_1.png")

@@ -95,7 +95,7 @@ def nrrd(c):
     c.nrrd("space_time", "space: LPST\n" + DIRECTIONS, bad=True)
     c.nrrd("space_dimension", "space dimension: 3\n" + DIRECTIONS, SPACE)
     c.nrrd("oblique", "space: LPS\nspace directions: (0.8,0.6,0) (-1.2,1.6,0) (0,0,3)\nspace origin: (10,20,30)\n")
-    c.nrrd("sheared", "space: LPS\nspace directions: (1,0,0) (0,2,0) (0,0.9,3)\nspace origin: (10,20,30)\n")
+    c.nrrd("sheared", "space: LPS\nspace directions: (1,0,0) (0,2,0) (0,0.9,2.8)\nspace origin: (10,20,30)\n")
     c.nrrd("kinds", LPS + "kinds: domain domain domain\ncontent: a scan\n# a comment\nkey:=value\n")
     c.nrrd("centers", LPS + "centerings: cell cell cell\n")
     c.nrrd("centers_node", LPS + "centers: node node node\n")

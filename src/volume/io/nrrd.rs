@@ -62,7 +62,13 @@ fn fields<'a>(path: &'a Path, head: &[u8]) -> Result<Fields<'a>> {
         } else if !line.starts_with('#') && !line.contains(":=") {
             let (key, value) =
                 line.split_once(':').ok_or_else(|| bad(path, "a line of the header", line, "FIELD: VALUE"))?;
-            map.insert(key.trim().to_ascii_lowercase(), value.trim().to_owned());
+            let (key, value) = (key.trim().to_ascii_lowercase(), value.trim().to_owned());
+            // The names of files follow, one a line.
+            let is_list = ["data file", "datafile"].contains(&&*key) && (value == "LIST" || value.starts_with("LIST "));
+            map.insert(key, value);
+            if is_list {
+                break;
+            }
         }
     }
     Ok(Fields { path, map, end })

@@ -101,14 +101,7 @@ fn check_numbers(folder: &Path, files: &[PathBuf], patterns: &HashSet<String>) -
         let why = format!("{lost} {are} missing between {a} and {b}");
         return Err(Error::file(folder, why, "export all slices, numbered in equal steps"));
     }
-    let begin = all[0][at];
-    // Counting begins at 0 or 1.
-    Ok((begin > 1 && usual == 1).then(|| {
-        format!(
-            "slices are numbered from {begin}: {} is taken for the most inferior",
-            passed::name_in(folder, &files[0])
-        )
-    }))
+    Ok(None)
 }
 
 fn same_number(folder: &Path, a: &Path, b: &Path) -> Error {
