@@ -1,6 +1,6 @@
 //! Folders of slices: DICOM or PNG, recognised by content.
 
-use std::collections::HashSet;
+use std::collections::BTreeSet;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -60,7 +60,7 @@ pub(crate) fn open(path: &Path, progress: &Progress) -> Result<(Folder, Vec<Stri
         }
     }
     if !dicom.is_empty() {
-        let patterns: HashSet<String> = dicom.iter().map(|f| passed::pattern(f)).collect();
+        let patterns: BTreeSet<String> = dicom.iter().map(|f| passed::pattern(f)).collect();
         for (file, head) in rest {
             let kind = match head {
                 Err(_) => Some(passed::Kind::Unreadable),
@@ -93,11 +93,15 @@ pub(crate) fn is_dicom(head: &[u8]) -> bool {
 }
 
 /// True if the bytes are the start of a DICOM data set without preamble. Ask this last: its signs are weaker than those of others.
+#[cfg(feature = "dicom")]
 pub(crate) fn is_bare_dicom(head: &[u8]) -> bool {
-    #[cfg(feature = "dicom")]
-    return super::dicom::begins_bare(head);
-    #[cfg(not(feature = "dicom"))]
-    return head.is_empty() && false;
+    super::dicom::begins_bare(head)
+}
+
+/// Without DICOM, no file is.
+#[cfg(not(feature = "dicom"))]
+pub(crate) fn is_bare_dicom(_: &[u8]) -> bool {
+    false
 }
 
 fn collect(

@@ -1,6 +1,6 @@
 //! A folder of PNG slices, which carry neither spacing nor HU.
 
-use std::collections::HashSet;
+use std::collections::BTreeSet;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
@@ -32,7 +32,7 @@ pub(crate) type Rest<'a> = Vec<(&'a PathBuf, Result<Vec<u8>>)>;
 /// # Errors
 /// Returns status 3 with the name of a slice that is damaged or missing.
 pub(crate) fn check_folder(folder: &Path, files: &[PathBuf], rest: Rest, mut passed: Passed) -> Result<Vec<String>> {
-    let patterns: HashSet<String> = files.iter().map(|f| passed::pattern(f)).collect();
+    let patterns: BTreeSet<String> = files.iter().map(|f| passed::pattern(f)).collect();
     for (file, head) in rest {
         let here = file.parent() == Some(folder);
         let named = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
@@ -68,7 +68,7 @@ fn numbers(file: &Path) -> Vec<u64> {
 }
 
 /// Checks the numbers of slices whose names differ in one number only: they must rise by equal steps.
-fn check_numbers(folder: &Path, files: &[PathBuf], patterns: &HashSet<String>) -> Result<Option<String>> {
+fn check_numbers(folder: &Path, files: &[PathBuf], patterns: &BTreeSet<String>) -> Result<Option<String>> {
     if patterns.iter().all(|p| !p.contains('#')) {
         return Ok(None);
     }

@@ -160,15 +160,18 @@ fn groups(input: &Path, files: &[PathBuf], notes: &mut Vec<String>, progress: &P
     Ok(groups)
 }
 
+/// Tells whether a file has one oddity, and its words.
+type OddKind = (fn(&Oddities) -> bool, &'static str);
+
 /// Returns notes on files of a series that are read although they are not as the standard says.
 fn odd(slices: &[Slice]) -> Vec<String> {
-    let kinds: [(fn(&Oddities) -> bool, &str); 4] = [
+    let kinds: [OddKind; 4] = [
         (|o| o.no_syntax, "without a transfer syntax: their bytes tell how they are encoded"),
         (|o| o.other_form, "not encoded as their transfer syntax says: they are read as they are"),
         (|o| o.damage, "with damaged elements that are not needed: these are passed over"),
         (|o| o.no_frames, "with 0 as NumberOfFrames: 1 is taken"),
     ];
-    let one = |(has, words): &(fn(&Oddities) -> bool, &str)| {
+    let one = |(has, words): &OddKind| {
         let mut odd = slices.iter().filter(|s| has(&s.file.oddities)).peekable();
         let first = odd.peek()?.file.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let n = odd.count();
