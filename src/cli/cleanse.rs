@@ -49,6 +49,9 @@ pub(crate) fn run(args: &CleanseArgs, global: &Global, progress: &Progress) -> R
     cleansed.changes.exchange(&mut volume);
     prepare::say(&cleansed.to_string());
     io::save(&args.out, &volume, progress)?;
+    if let Some(note) = io::written_note(&args.out, volume.grid()) {
+        prepare::say(&note);
+    }
     if let Some(path) = &args.stats {
         let mut stats = prepare::stats_head(&timings);
         let pool = |p: &CleansedPool| Pool { ml: p.ml, tag_hu: p.tag_hu, level_mm: p.level };

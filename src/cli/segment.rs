@@ -92,6 +92,9 @@ pub(crate) fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> R
         others.mark(&mut mask, OTHER);
     }
     io::save_mask(&args.out, &grid, &mask, progress)?;
+    if let Some(note) = io::written_note(&args.out, &grid) {
+        prepare::say(&note);
+    }
     if let (Some(path), Some(residue)) = (&args.stats, residue) {
         let mut stats = prepare::stats_head(&timings);
         for (name, value) in [

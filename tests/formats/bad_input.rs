@@ -151,7 +151,7 @@ fn files() {
         ("spacing.nrrd", nrrd("spacings: 1 1 1", "spacings: 1 -1 1", raw), "spacing -1"),
         ("spacing-nan.nrrd", nrrd("spacings: 1 1 1", "spacings: 1 nan 1", raw), "NaN"),
         ("directions.nrrd", nrrd("spacings: 1 1 1", "space directions: (1,0,0) (2,0,0) (0,0,1)", raw), "singular"),
-        ("space.nrrd", nrrd("short", "short\nspace: scanner-xyz", raw), "space is"),
+        ("space.nrrd", nrrd("short", "short\nspace: 3D-left-handed", raw), "left from right"),
         ("up.nhdr", nrrd("short", "short\ndata file: ../x.raw", raw), "outside"),
         ("ascii.nrrd", nrrd("short", "short", "encoding: ascii\n\n1 2 x"), "not a number"),
     ];

@@ -4,7 +4,11 @@ mod bad_input;
 #[cfg(feature = "dicom")]
 mod dicom;
 mod formats;
+#[cfg(feature = "dicom")]
+mod headers;
 mod labels;
+#[cfg(feature = "dicom")]
+mod lost;
 mod peers;
 #[cfg(feature = "dicom")]
 mod series;
@@ -13,6 +17,7 @@ mod study;
 mod surface;
 #[cfg(feature = "dicom")]
 mod values;
+mod variants;
 
 #[path = "../support"]
 mod support {
@@ -20,6 +25,7 @@ mod support {
     pub(crate) mod dicom;
     #[cfg(feature = "dicom")]
     pub(crate) mod enhanced;
+    pub(crate) mod judged;
     pub(crate) mod nifti;
     pub(crate) mod packing;
     pub(crate) mod reading;

@@ -1,8 +1,10 @@
 //! Folders of slices: DICOM or PNG, recognised by content.
 
+use std::collections::BTreeSet;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use super::passed::{self, Passed};
 use super::source;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
@@ -12,7 +14,10 @@ const DEEPEST: usize = 8;
 /// Maximum number of files; more than any scan has.
 const MOST_FILES: usize = 200_000;
 
-/// The contents of a folder, in natural order of names.
+/// Number of bytes at the start of a file that tell what it is.
+pub(crate) const HEAD: u64 = 512;
+
+/// The slices of a folder, in natural order of names.
 pub(crate) enum Folder {
     /// DICOM files, including those in subfolders.
     Dicom(Vec<PathBuf>),
@@ -20,31 +25,52 @@ pub(crate) enum Folder {
     Png(Vec<PathBuf>),
 }
 
-/// Opens a folder and recognises its contents.
+/// Opens a folder and recognises its contents. Also returns notes on what is passed over.
 ///
 /// # Errors
-/// Returns status 3 if the folder is empty, unreadable or contains neither kind.
-pub(crate) fn open(path: &Path, progress: &Progress) -> Result<Folder> {
+/// Returns status 3 if the folder is empty, unreadable or contains neither kind, or if a file among PNG slices is none.
+pub(crate) fn open(path: &Path, progress: &Progress) -> Result<(Folder, Vec<String>)> {
     progress.stage("looking into the folder", 0);
-    let mut files = Vec::new();
-    collect(path, DEEPEST, &mut files, progress)?;
-    let (mut dicom, mut png) = (Vec::new(), Vec::new());
+    let (mut files, mut passed) = (Vec::new(), Passed::default());
+    collect(path, DEEPEST, &mut files, &mut passed, progress)?;
+    let (mut dicom, mut png, mut rest) = (Vec::new(), Vec::new(), Vec::new());
     for file in &files {
         progress.advance(1)?;
         let mut head = Vec::new();
-        let (opened, _) = source::open(file)?;
-        opened.take(132).read_to_end(&mut head).map_err(|e| source::unreadable(file, e))?;
-        if is_dicom(&head) {
+        let read = source::open(file)
+            .and_then(|(f, _)| f.take(HEAD).read_to_end(&mut head).map_err(|e| source::unreadable(file, e)));
+        if let Err(e) = read {
+            rest.push((file, Err(e)));
+        } else if is_dicom(&head) || is_bare_dicom(&head) {
             dicom.push(file.clone());
         } else if super::png::recognises(&head) && file.parent() == Some(path) {
             png.push(file.clone());
+        } else {
+            rest.push((file, Ok(head)));
+        }
+    }
+    if dicom.is_empty() && !png.is_empty() {
+        let notes = super::png::check_folder(path, &png, rest, passed)?;
+        return Ok((Folder::Png(png), notes));
+    }
+    if dicom.is_empty() && rest.len() == files.len() {
+        // A folder of which nothing can be read tells why.
+        if let Some((_, Err(e))) = rest.iter().find(|(_, head)| head.is_err()) {
+            return Err(e.clone());
         }
     }
     if !dicom.is_empty() {
-        return Ok(Folder::Dicom(dicom));
-    }
-    if !png.is_empty() {
-        return Ok(Folder::Png(png));
+        let patterns: BTreeSet<String> = dicom.iter().map(|f| passed::pattern(f)).collect();
+        for (file, head) in rest {
+            let kind = match head {
+                Err(_) => Some(passed::Kind::Unreadable),
+                Ok(head) => passed::kind(file, &head, patterns.contains(&passed::pattern(file))),
+            };
+            if let Some(kind) = kind {
+                passed.add(kind, file);
+            }
+        }
+        return Ok((Folder::Dicom(dicom), passed.notes(path)));
     }
     let scan = files.iter().find(|f| {
         let name = f.to_string_lossy().to_ascii_lowercase();
@@ -66,10 +92,37 @@ pub(crate) fn is_dicom(head: &[u8]) -> bool {
     head.get(128..132) == Some(b"DICM") || head.starts_with(b"\x02\0\0\0UL")
 }
 
-fn collect(path: &Path, depth: usize, files: &mut Vec<PathBuf>, progress: &Progress) -> Result<()> {
+/// True if the bytes are the start of a DICOM data set without preamble. Ask this last: its signs are weaker than those of others.
+#[cfg(feature = "dicom")]
+pub(crate) fn is_bare_dicom(head: &[u8]) -> bool {
+    super::dicom::begins_bare(head)
+}
+
+/// Without DICOM, no file is.
+#[cfg(not(feature = "dicom"))]
+pub(crate) fn is_bare_dicom(_: &[u8]) -> bool {
+    false
+}
+
+fn collect(
+    path: &Path,
+    depth: usize,
+    files: &mut Vec<PathBuf>,
+    passed: &mut Passed,
+    progress: &Progress,
+) -> Result<()> {
     progress.check()?;
     let fail = |e: std::io::Error| source::unreadable(path, e);
-    let mut entries = std::fs::read_dir(path).map_err(fail)?.collect::<std::io::Result<Vec<_>>>().map_err(fail)?;
+    let entries = std::fs::read_dir(path).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
+    let mut entries = match entries {
+        // Of the folder that was asked for, this is an error.
+        Err(e) if depth == DEEPEST => return Err(fail(e)),
+        Err(_) => {
+            passed.add(passed::Kind::UnreadableFolder, path);
+            return Ok(());
+        }
+        Ok(entries) => entries,
+    };
     entries.sort_by(|a, b| {
         natural(&a.file_name().to_string_lossy(), &b.file_name().to_string_lossy())
             .then_with(|| a.file_name().cmp(&b.file_name()))
@@ -77,10 +130,15 @@ fn collect(path: &Path, depth: usize, files: &mut Vec<PathBuf>, progress: &Progr
     for entry in entries {
         let path = entry.path();
         // Do not follow links to folders: they may form a cycle.
-        let kind = entry.file_type().map_err(fail)?;
+        let Ok(kind) = entry.file_type() else {
+            passed.add(passed::Kind::Unreadable, &path);
+            continue;
+        };
         if kind.is_dir() {
             if depth > 0 {
-                collect(&path, depth - 1, files, progress)?;
+                collect(&path, depth - 1, files, passed, progress)?;
+            } else {
+                passed.add(passed::Kind::DeepFolder, &path);
             }
         } else if kind.is_file() || (kind.is_symlink() && path.is_file()) {
             if files.len() >= MOST_FILES {
@@ -88,6 +146,8 @@ fn collect(path: &Path, depth: usize, files: &mut Vec<PathBuf>, progress: &Progr
                 return Err(Error::file(&path, why, "give the folder of one scan"));
             }
             files.push(path);
+        } else if kind.is_symlink() {
+            passed.add(passed::Kind::Link, &path);
         }
     }
     Ok(())
@@ -138,7 +198,7 @@ mod tests {
         let png = b"\x89PNG\r\n\x1a\n";
         let pictures = ["p2.png", "p10.png"].map(|name| write(name, png));
         write("notes.txt", b"of the scan");
-        let open = || open(folder.path(), &Progress::new()).unwrap();
+        let open = || open(folder.path(), &Progress::new()).unwrap().0;
         assert!(matches!(open(), Folder::Png(files) if files == pictures));
         let mut slice = vec![0; 128];
         slice.extend(b"DICM");

@@ -13,6 +13,7 @@ mod nifti;
 mod normalise;
 mod nrrd;
 mod padding;
+mod passed;
 mod png;
 mod raw;
 mod source;
@@ -103,11 +104,11 @@ pub fn load(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<L
 /// # Errors
 /// As [`load`]; also status 3 if it has no voxel of 0, negative values or fractions, as a scan or a distance field does.
 pub fn load_mask(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<Loaded> {
-    let format = detect(path, progress)?;
+    let (format, passed) = detect(path, progress)?;
     // Black stays 0.
     let grey = LoadOptions { hu: options.hu.or(Some((0.0, 255.0))), ..options.clone() };
     let options = if matches!(format, Format::Png(_)) { &grey } else { options };
-    let read = scan(path, &format, options, Modality::Any, progress)?;
+    let read = scan(path, &format, options, Modality::Any, progress).map_err(|e| with_passed(e, &passed))?;
     let values = read.scanned.volume.data();
     let count = |of: fn(&i16) -> bool| values.par_iter().filter(|v| of(v)).count();
     let refuse = |why: String| Err(Error::file(path, why, "give a mask of the lumen: 0 outside, 1 inside"));
@@ -121,7 +122,7 @@ pub fn load_mask(path: &Path, options: &LoadOptions, progress: &Progress) -> Res
     if outside == 0 {
         return refuse("is no mask: no voxel of it is 0, so that nothing lies outside the lumen".to_owned());
     }
-    let mut notes = read.scanned.notes;
+    let mut notes = [passed, read.scanned.notes].concat();
     notes.extend(unused(&format, read.scanned.volume.grid(), options, false));
     Ok(Loaded { volume: read.scanned.volume, notes })
 }
@@ -185,9 +186,10 @@ fn read(
     modality: Modality,
     progress: &Progress,
 ) -> Result<(Loaded, Map<String, Value>)> {
-    let format = detect(path, progress)?;
-    let Read { scanned: Scanned { volume, mut notes, .. }, facts, units } =
-        scan(path, &format, options, modality, progress)?;
+    let (format, passed) = detect(path, progress)?;
+    let Read { scanned: Scanned { volume, notes: read_notes, .. }, facts, units } =
+        scan(path, &format, options, modality, progress).map_err(|e| with_passed(e, &passed))?;
+    let mut notes = [passed, read_notes].concat();
     notes.extend(unused(&format, volume.grid(), options, modality == Modality::Any));
     // Values that are no HU do not mean padding, nor air.
     let volume = if let Units::Other(why) = units {
@@ -237,6 +239,14 @@ fn unused(format: &Format, grid: &Grid, options: &LoadOptions, any_gaps: bool) -
     notes
 }
 
+/// Adds what was passed over in a folder to an error, which may come from it: a slice between others is missing then.
+fn with_passed(e: Error, passed: &[String]) -> Error {
+    if passed.is_empty() || e.kind != crate::error::Kind::Input || !e.choices.is_empty() {
+        return e;
+    }
+    Error { why: format!("{} ({})", e.why, passed.join(", ")), ..e }
+}
+
 /// Returns a note on what the slices of a scan cannot show; `None` if they are thin. A lesion that is to be judged spans two slices.
 pub fn thick_slices(grid: &Grid) -> Option<String> {
     /// Polyps from 6 mm are reported, mm.
@@ -246,14 +256,21 @@ pub fn thick_slices(grid: &Grid) -> Option<String> {
         .then(|| format!("{mm} mm slices: polyps under {} mm cannot be judged", (2.0 * mm * 10.0).round() / 10.0))
 }
 
-fn detect(path: &Path, progress: &Progress) -> Result<Format> {
+/// Returns the format of an input, and notes on what is passed over in a folder.
+fn detect(path: &Path, progress: &Progress) -> Result<(Format, Vec<String>)> {
     let meta = std::fs::metadata(path).map_err(|e| source::unreadable(path, e))?;
     if meta.is_dir() {
-        return Ok(match folder::open(path, progress)? {
+        let (folder, notes) = folder::open(path, progress)?;
+        let format = match folder {
             folder::Folder::Dicom(files) => Format::Dicom(files),
             folder::Folder::Png(files) => Format::Png(files),
-        });
+        };
+        return Ok((format, notes));
     }
+    file_format(path).map(|format| (format, Vec::new()))
+}
+
+fn file_format(path: &Path) -> Result<Format> {
     let head = source::head(path, 4096)?;
     if head.is_empty() {
         Err(Error::file(path, "is empty", SUPPORTED))
@@ -274,6 +291,8 @@ fn detect(path: &Path, progress: &Progress) -> Result<Format> {
         Ok(Format::MetaImage)
     } else if png::recognises(&head) {
         Err(Error::file(path, "is a single PNG", "give the folder of all its slices"))
+    } else if folder::is_bare_dicom(&head) {
+        Ok(Format::Dicom(vec![path.to_owned()]))
     } else {
         Err(Error::file(path, "is not in a supported format", SUPPORTED))
     }
@@ -304,7 +323,7 @@ pub fn inspect(path: &Path, options: &LoadOptions, progress: &Progress) -> Resul
 /// # Errors
 /// Returns status 3 if the input cannot be read, status 4 if cancelled.
 pub fn study(path: &Path, side: usize, progress: &Progress) -> Result<study::Study> {
-    match detect(path, progress)? {
+    match detect(path, progress)?.0 {
         #[cfg(feature = "dicom")]
         Format::Dicom(files) => {
             let study = dicom::study(path, &files, side, progress)?;
@@ -358,12 +377,24 @@ pub fn check_ending(path: &Path) -> Result<()> {
     write::format(path).map(drop)
 }
 
+/// Returns a note if other programs cannot read what is written to `path` on `grid`; `None` if they can.
+pub fn written_note(path: &Path, grid: &Grid) -> Option<String> {
+    let is_nifti = matches!(write::format(path), Ok(write::Format::Nifti { .. }));
+    (is_nifti && !frame::is_orthonormal(&grid.direction())).then(|| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        format!(
+            "{name}: the slices are sheared (a tilted gantry), which ITK, 3D Slicer and ITK-SNAP do not read from NIfTI; \
+             write .nrrd or .mha for them"
+        )
+    })
+}
+
 /// True if a file begins as DICOM does.
 pub fn is_dicom(path: &Path) -> bool {
     use std::io::Read;
     let mut head = Vec::new();
-    let read = std::fs::File::open(path).and_then(|f| f.take(132).read_to_end(&mut head));
-    read.is_ok() && folder::is_dicom(&head)
+    let read = std::fs::File::open(path).and_then(|f| f.take(folder::HEAD).read_to_end(&mut head));
+    read.is_ok() && (folder::is_dicom(&head) || folder::is_bare_dicom(&head))
 }
 
 /// Writes a label mask (one byte per voxel, x fastest) on `grid`. The file extension selects the format.

@@ -2,6 +2,9 @@
 //!
 //! Fields and encodings follow Teem's "Definition of NRRD File Format".
 
+#[path = "nrrd_grid.rs"]
+mod axes;
+
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -9,10 +12,9 @@ use std::path::Path;
 use glam::{DMat3, DVec3};
 
 use super::Scanned;
-use super::frame::{self, RAS_LPS};
 use super::raw::{ByteOrder, Element, Encoding};
 use super::source::{self, Packing, Section};
-use super::text::{self, bad, exactly, some};
+use super::text::{self, bad, exactly};
 use super::write::VoxelKind;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
@@ -61,7 +63,13 @@ fn fields<'a>(path: &'a Path, head: &[u8]) -> Result<Fields<'a>> {
         } else if !line.starts_with('#') && !line.contains(":=") {
             let (key, value) =
                 line.split_once(':').ok_or_else(|| bad(path, "a line of the header", line, "FIELD: VALUE"))?;
-            map.insert(key.trim().to_ascii_lowercase(), value.trim().to_owned());
+            let (key, value) = (key.trim().to_ascii_lowercase(), value.trim().to_owned());
+            // The names of files follow, one a line.
+            let is_list = ["data file", "datafile"].contains(&&*key) && (value == "LIST" || value.starts_with("LIST "));
+            map.insert(key, value);
+            if is_list {
+                break;
+            }
         }
     }
     Ok(Fields { path, map, end })
@@ -75,7 +83,7 @@ pub(crate) fn load(path: &Path, progress: &Progress) -> Result<Scanned> {
     let head = source::head(path, text::MAX_HEADER)?;
     let fields = fields(path, &head)?;
     let mut notes = Vec::new();
-    let grid = grid(&fields, &mut notes)?;
+    let grid = axes::grid(&fields, &mut notes)?;
     let encoding = encoding(&fields)?;
     let section = section(&fields, &grid, &encoding)?;
     let (data, counts) = section.read(grid.len(), &encoding, progress)?;
@@ -124,138 +132,6 @@ fn packing(f: &Fields) -> Result<Packing> {
         "txt" | "text" | "ascii" => Ok(Packing::Text),
         _ => Err(bad(f.path, "encoding", value, "raw, gzip or ascii")),
     }
-}
-
-/// One axis: its size, and its step through the world if the header gives one.
-struct Axis {
-    size: usize,
-    step: Option<DVec3>,
-    spacing: Option<f64>,
-}
-
-fn grid(f: &Fields, notes: &mut Vec<String>) -> Result<Grid> {
-    let path = f.path;
-    let value = f.need("dimension")?;
-    let [count] = exactly::<usize, 1>(value)
-        .filter(|[n]| (1..=16).contains(n))
-        .ok_or_else(|| bad(path, "dimension", value, "1 to 16"))?;
-    let value = f.need("sizes")?;
-    let sizes: Vec<usize> = some(value)
-        .filter(|v: &Vec<usize>| v.len() == count)
-        .ok_or_else(|| bad(path, "sizes", value, &format!("{count} whole numbers")))?;
-    let to_lps = space_to_lps(f, notes)?;
-    let steps = match f.get(&["space directions"]) {
-        None => vec![None; count],
-        Some((key, value)) => {
-            let steps = vectors(value).filter(|v| v.len() == count);
-            steps.ok_or_else(|| bad(path, key, value, &format!("{count} vectors of three numbers, or none")))?
-        }
-    };
-    let spacings: Vec<f64> = match f.get(&["spacings"]) {
-        None => vec![f64::NAN; count],
-        Some((key, value)) => some(value)
-            .filter(|v: &Vec<f64>| v.len() == count)
-            .ok_or_else(|| bad(path, key, value, &format!("{count} numbers")))?,
-    };
-    let reported = f.map.contains_key("spacings");
-    let mut axes = Vec::new();
-    for ((size, step), spacing) in sizes.iter().zip(steps).zip(spacings) {
-        // NaN means "no spacing" for an axis that is not spatial.
-        if reported && !spacing.is_nan() {
-            frame::check_spacing(path, "spacings", &[spacing])?;
-        }
-        axes.push(Axis { size: *size, step, spacing: Some(spacing).filter(|s| !s.is_nan()) });
-    }
-    if axes.len() > 3 {
-        axes.retain(|a| a.size != 1 || a.step.is_some());
-    }
-    if axes.len() > 3
-        || (axes.len() == 3 && f.map.contains_key("space directions") && axes.iter().any(|a| a.step.is_none()))
-    {
-        return Err(Error::file(
-            path,
-            format!("has more than one value for each voxel, or several frames (sizes {sizes:?})"),
-            "extract one three-dimensional frame first",
-        ));
-    }
-    let dims = std::array::from_fn(|k| axes.get(k).map_or(1, |a| a.size));
-    text::voxel_count(path, dims)?;
-    if reported && axes.iter().any(|a| a.spacing.is_none() && a.step.is_none()) {
-        return Err(Error::file(path, "spacings has NaN, which is not positive and finite", "correct the header"));
-    }
-    if axes.iter().any(|a| a.step.is_none() && a.spacing.is_none()) {
-        notes.push("tells no spacing: 1 mm is taken".to_owned());
-    }
-    let unit = [DVec3::X, DVec3::Y, DVec3::Z];
-    let step = |k: usize| axes.get(k).map_or(unit[k], |a| a.step.unwrap_or(unit[k] * a.spacing.unwrap_or(1.0)));
-    let steps = [step(0), step(1), step(2)];
-    for s in steps {
-        frame::check_spacing(path, "space directions", &[s.length()])?;
-    }
-    let origin = match f.get(&["space origin"]) {
-        None => DVec3::ZERO,
-        Some((key, value)) => match vectors(value).as_deref() {
-            Some([Some(o)]) => *o,
-            _ => return Err(bad(path, key, value, "one vector of three numbers")),
-        },
-    };
-    let mm = units(f)?;
-    frame::from_steps(path, dims, to_lps * DMat3::from_cols(steps[0], steps[1], steps[2]) * mm, to_lps * origin * mm)
-}
-
-/// Returns the matrix from the file's space to LPS.
-fn space_to_lps(f: &Fields, notes: &mut Vec<String>) -> Result<DMat3> {
-    let flip = |x: f64, y: f64| DMat3::from_diagonal(DVec3::new(x, y, 1.0));
-    let Some((key, value)) = f.get(&["space"]) else {
-        match f.get(&["space dimension"]) {
-            Some((_, "3")) | None => {}
-            Some((key, value)) => return Err(bad(f.path, key, value, "3")),
-        }
-        notes.push("names no space: left-posterior-superior is taken".to_owned());
-        return Ok(DMat3::IDENTITY);
-    };
-    match value.to_ascii_lowercase().as_str() {
-        "left-posterior-superior" | "lps" => Ok(DMat3::IDENTITY),
-        "right-anterior-superior" | "ras" => Ok(RAS_LPS),
-        "left-anterior-superior" | "las" => Ok(flip(1.0, -1.0)),
-        _ => Err(bad(f.path, key, value, "left-posterior-superior, right-anterior-superior or left-anterior-superior")),
-    }
-}
-
-/// Returns the millimetres per unit of the file's space; all axes must agree.
-fn units(f: &Fields) -> Result<f64> {
-    let Some((key, value)) = f.get(&["space units"]) else { return Ok(1.0) };
-    let mut names = value.split_whitespace().map(|u| u.trim_matches('"'));
-    let first = names.next().unwrap_or("mm");
-    if names.any(|n| n != first) {
-        return Err(bad(f.path, key, value, "the same unit for every axis"));
-    }
-    match first {
-        "mm" | "millimeter" | "millimeters" | "" | "???" => Ok(1.0),
-        "cm" => Ok(10.0),
-        "m" | "meter" | "meters" => Ok(1000.0),
-        "um" | "µm" | "micron" | "microns" => Ok(0.001),
-        _ => Err(bad(f.path, key, value, "mm, cm, m or um")),
-    }
-}
-
-/// Parses vectors as NRRD writes them: `(1,0,0) none (0,0,1)`.
-fn vectors(value: &str) -> Option<Vec<Option<DVec3>>> {
-    let mut out = Vec::new();
-    let mut rest = value.trim();
-    while !rest.is_empty() {
-        if rest.get(..4).is_some_and(|word| word.eq_ignore_ascii_case("none")) {
-            out.push(None);
-            rest = rest[4..].trim_start();
-            continue;
-        }
-        let (inside, after) = rest.strip_prefix('(')?.split_once(')')?;
-        let numbers: Vec<f64> = inside.split(',').map(|t| t.trim().parse().ok()).collect::<Option<_>>()?;
-        let [x, y, z]: [f64; 3] = numbers.try_into().ok()?;
-        out.push(Some(DVec3::new(x, y, z)));
-        rest = after.trim_start();
-    }
-    Some(out)
 }
 
 fn section(f: &Fields, grid: &Grid, encoding: &Encoding) -> Result<Section> {
@@ -348,51 +224,4 @@ pub(crate) fn header(grid: &Grid, kind: VoxelKind, data_file: Option<&str>) -> S
         None => h.push('\n'),
     }
     h
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Returns the grid of a header with these sizes and space directions.
-    fn grid_of(sizes: &str, directions: &str) -> Result<Grid> {
-        let count = sizes.split(' ').count();
-        let head = format!(
-            "NRRD0004\ntype: short\ndimension: {count}\nsizes: {sizes}\nspace: left-posterior-superior\n\
-             space directions: {directions}\nendian: little\nencoding: raw\n\n"
-        );
-        grid(&fields(Path::new("x"), head.as_bytes())?, &mut Vec::new())
-    }
-
-    #[test]
-    fn frames_and_colours_are_refused() {
-        let (x, y, z) = ("(1,0,0)", "(0,2,0)", "(0,0,3)");
-        let whole = grid_of("4 3 2", &format!("{x} {y} {z}")).unwrap();
-        assert_eq!((whole.dims(), whole.spacing()), ([4, 3, 2], DVec3::new(1.0, 2.0, 3.0)));
-        // A list of one frame holds one volume.
-        assert_eq!(grid_of("1 4 3 2", &format!("none {x} {y} {z}")).unwrap(), whole);
-        for (sizes, directions) in [
-            ("4 3 2 5", format!("{x} {y} {z} none")),
-            ("3 4 3 2", format!("none {x} {y} {z}")),
-            ("3 4 2", format!("none {x} {y}")),
-        ] {
-            let e = grid_of(sizes, &directions).unwrap_err();
-            assert!(e.to_string().contains("several frames"), "{sizes}: {e}");
-        }
-    }
-
-    #[test]
-    fn the_spacing_and_the_origin_are_in_the_unit_of_the_space() {
-        for (unit, mm) in [("mm", 1.0), ("cm", 10.0), ("m", 1000.0), ("um", 0.001)] {
-            let head = format!(
-                "NRRD0004\ntype: short\ndimension: 3\nsizes: 4 3 2\nspace: right-anterior-superior\n\
-                 space units: \"{unit}\" \"{unit}\" \"{unit}\"\nspace directions: (1,0,0) (0,2,0) (0,0,3)\n\
-                 space origin: (10,-20,30)\nendian: little\nencoding: raw\n\n"
-            );
-            let read = grid(&fields(Path::new("x"), head.as_bytes()).unwrap(), &mut Vec::new()).unwrap();
-            let (spacing, origin) = (DVec3::new(1.0, 2.0, 3.0) * mm, DVec3::new(-10.0, 20.0, 30.0) * mm);
-            assert!(read.spacing().abs_diff_eq(spacing, 1e-9 * mm), "{unit}: {}", read.spacing());
-            assert!(read.origin().abs_diff_eq(origin, 1e-9 * mm), "{unit}: {}", read.origin());
-        }
-    }
 }

@@ -1,5 +1,6 @@
 //! A folder of PNG slices, which carry neither spacing nor HU.
 
+use std::collections::BTreeSet;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
@@ -8,6 +9,7 @@ use image::codecs::png::PngDecoder;
 use image::{ColorType, DynamicImage, ImageDecoder};
 use rayon::prelude::*;
 
+use super::passed::{self, Passed};
 use super::{LoadOptions, Scanned, frame, normalise, source};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
@@ -19,6 +21,92 @@ const LONGEST_SIDE: u32 = 16384;
 /// True if the bytes are the start of a PNG file.
 pub(crate) fn recognises(head: &[u8]) -> bool {
     head.starts_with(b"\x89PNG\r\n\x1a\n")
+}
+
+/// Files of a folder that are no PNG, with their first bytes, or why these cannot be read.
+pub(crate) type Rest<'a> = Vec<(&'a PathBuf, Result<Vec<u8>>)>;
+
+/// Checks that no slice is missing among the `files` of a folder, and returns notes on what else is passed over. A slice that is
+/// missing would move all above it.
+///
+/// # Errors
+/// Returns status 3 with the name of a slice that is damaged or missing.
+pub(crate) fn check_folder(folder: &Path, files: &[PathBuf], rest: Rest, mut passed: Passed) -> Result<Vec<String>> {
+    let patterns: BTreeSet<String> = files.iter().map(|f| passed::pattern(f)).collect();
+    for (file, head) in rest {
+        let here = file.parent() == Some(folder);
+        let named = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
+        let like_slice = here && (named && !is_hidden(file) || patterns.contains(&passed::pattern(file)));
+        match head {
+            Err(e) if like_slice => return Err(e),
+            Err(_) => passed.add(passed::Kind::Unreadable, file),
+            Ok(head) if like_slice => {
+                let why = if head.is_empty() { "is empty" } else { "is named as a slice but is no PNG" };
+                return Err(Error::file(file, why, "export it again"));
+            }
+            Ok(head) if recognises(&head) => passed.add(passed::Kind::Below, file),
+            Ok(head) => {
+                if let Some(kind) = passed::kind(file, &head, false) {
+                    passed.add(kind, file);
+                }
+            }
+        }
+    }
+    let mut notes = passed.notes(folder);
+    notes.extend(check_numbers(folder, files, &patterns)?);
+    Ok(notes)
+}
+
+fn is_hidden(file: &Path) -> bool {
+    file.file_name().is_some_and(|n| n.to_string_lossy().starts_with('.'))
+}
+
+/// Returns the numbers in a file's name.
+fn numbers(file: &Path) -> Vec<u64> {
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    name.split(|c: char| !c.is_ascii_digit()).filter(|t| !t.is_empty()).map(|t| t.parse().unwrap_or(u64::MAX)).collect()
+}
+
+/// Checks the numbers of slices whose names differ in one number only: they must rise by equal steps.
+fn check_numbers(folder: &Path, files: &[PathBuf], patterns: &BTreeSet<String>) -> Result<Option<String>> {
+    if patterns.iter().all(|p| !p.contains('#')) {
+        return Ok(None);
+    }
+    if patterns.len() > 1 {
+        let first = passed::pattern(&files[0]);
+        let other = files.iter().find(|f| passed::pattern(f) != first).unwrap_or(&files[0]);
+        let [a, b] = [&files[0], other].map(|f| passed::name_in(folder, f));
+        return Ok(Some(format!(
+            "slices are named in {} ways, such as {a} and {b}: all are taken for one scan",
+            patterns.len()
+        )));
+    }
+    let all: Vec<Vec<u64>> = files.iter().map(|f| numbers(f)).collect();
+    let mut varying = (0..all[0].len()).filter(|k| all.iter().any(|n| n.get(*k) != all[0].get(*k)));
+    let (Some(at), None) = (varying.next(), varying.next()) else {
+        return match all.windows(2).position(|w| w[0] == w[1]) {
+            Some(k) if !all[0].is_empty() => Err(same_number(folder, &files[k], &files[k + 1])),
+            _ => Ok(None),
+        };
+    };
+    let steps: Vec<u64> = all.windows(2).map(|w| w[1][at].saturating_sub(w[0][at])).collect();
+    if let Some(k) = steps.iter().position(|s| *s == 0) {
+        return Err(same_number(folder, &files[k], &files[k + 1]));
+    }
+    let usual = steps.iter().copied().min().unwrap_or(1);
+    if let Some(k) = steps.iter().position(|s| *s != usual) {
+        let [a, b] = [k, k + 1].map(|k| passed::name_in(folder, &files[k]));
+        let lost = (steps[k] / usual).saturating_sub(1).max(1);
+        let are = if lost == 1 { "slice is" } else { "slices are" };
+        let why = format!("{lost} {are} missing between {a} and {b}");
+        return Err(Error::file(folder, why, "export all slices, numbered in equal steps"));
+    }
+    Ok(None)
+}
+
+fn same_number(folder: &Path, a: &Path, b: &Path) -> Error {
+    let why = format!("has the number of {}", passed::name_in(folder, a));
+    Error::file(b, why, "give each slice a number of its own")
 }
 
 /// Reads the slices, the most inferior first. Rows run to posterior, columns to the patient's left.

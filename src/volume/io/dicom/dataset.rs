@@ -3,24 +3,24 @@
 //! Every length is checked against the available bytes before it is used, so an invalid header costs nothing. Parsing
 //! stops at the pixel data and only records its position. Encodings follow PS3.5, section 7 and annex A.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::io::Read;
 
+pub(crate) use super::fragments::fragments;
+pub(crate) use super::parse::{parse, parse_first, parse_start};
+use super::recover::{self, IMPLICIT};
 use crate::volume::io::raw::ByteOrder;
 
 /// Group and element.
 pub(crate) type Tag = (u16, u16);
 
-const PIXEL_DATA: Tag = (0x7FE0, 0x0010);
+pub(super) const PIXEL_DATA: Tag = (0x7FE0, 0x0010);
 /// Pixel data of single and of double precision.
-const FLOAT_PIXEL_DATA: [Tag; 2] = [(0x7FE0, 0x0008), (0x7FE0, 0x0009)];
-const ITEM: Tag = (0xFFFE, 0xE000);
-const ITEM_END: Tag = (0xFFFE, 0xE00D);
-const SEQUENCE_END: Tag = (0xFFFE, 0xE0DD);
-const TRANSFER_SYNTAX: Tag = (0x0002, 0x0010);
+pub(super) const FLOAT_PIXEL_DATA: [Tag; 2] = [(0x7FE0, 0x0008), (0x7FE0, 0x0009)];
+pub(super) const ITEM: Tag = (0xFFFE, 0xE000);
+pub(super) const ITEM_END: Tag = (0xFFFE, 0xE00D);
+pub(super) const SEQUENCE_END: Tag = (0xFFFE, 0xE0DD);
 /// The length that means "until the delimiter".
-const UNDEFINED: u32 = u32::MAX;
+pub(super) const UNDEFINED: u32 = u32::MAX;
 /// Maximum length of a value, bytes. Longer ones (curves, private blobs) are skipped, but for …
 const LONGEST_VALUE: usize = 1 << 16;
 /// … the data of a look-up table, of 65536 entries at most.
@@ -28,8 +28,6 @@ const LUT_DATA: Tag = (0x0028, 0x3006);
 const LONGEST_LUT: usize = 1 << 17;
 /// Maximum depth of nested sequences.
 const DEEPEST: u32 = 12;
-/// Maximum unpacked size of a deflated data set, bytes.
-const MOST_UNPACKED: u64 = 1 << 30;
 
 /// The reason a parse failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -41,10 +39,23 @@ pub(crate) enum Fault {
 }
 
 /// Explicit or implicit value representation, and byte order.
-#[derive(Clone, Copy)]
-struct Form {
-    explicit: bool,
-    order: ByteOrder,
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Form {
+    pub explicit: bool,
+    pub order: ByteOrder,
+}
+
+/// What a file has other than the standard says, and that does not keep it from being read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Oddities {
+    /// Names no transfer syntax; the bytes tell it.
+    pub no_syntax: bool,
+    /// Has explicit elements where its transfer syntax says implicit, or the reverse.
+    pub other_form: bool,
+    /// Has damaged elements that are not needed.
+    pub damage: bool,
+    /// Has a number of frames of zero.
+    pub no_frames: bool,
 }
 
 /// One item: plain values and nested sequences.
@@ -52,7 +63,7 @@ struct Form {
 pub(crate) struct Item {
     values: BTreeMap<Tag, Vec<u8>>,
     sequences: BTreeMap<Tag, Vec<Item>>,
-    order: ByteOrder,
+    pub(super) order: ByteOrder,
 }
 
 impl Item {
@@ -139,7 +150,7 @@ pub(crate) struct PixelPlace {
 }
 
 /// The elements of a file up to its pixel data.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct DataSet {
     /// The data set itself.
     pub root: Item,
@@ -147,74 +158,23 @@ pub(crate) struct DataSet {
     pub syntax: String,
     /// The pixel data, if any.
     pub pixels: Option<PixelPlace>,
+    /// What it has other than the standard says.
+    pub oddities: Oddities,
 }
 
-/// Parses a file's bytes. Also returns the bytes that the pixel position refers to: the inflated ones for a deflated
-/// transfer syntax, else `bytes` itself.
-///
-/// # Errors
-/// Returns [`Fault::Short`] if `bytes` end inside an element, [`Fault::Bad`] if they are damaged.
-pub(crate) fn parse(bytes: &[u8]) -> Result<(DataSet, Cow<'_, [u8]>), Fault> {
-    let mut root = Item::default();
-    let (syntax, pixels, body) = parse_into(bytes, &mut root)?;
-    Ok((DataSet { root, syntax, pixels }, body))
-}
-
-/// Returns the elements before the place where a damaged file cannot be parsed further.
-pub(crate) fn parse_start(bytes: &[u8]) -> Item {
-    let mut root = Item::default();
-    // The fault is known already.
-    let _ = parse_into(bytes, &mut root);
-    root
-}
-
-/// Syntax, pixel data, and the bytes that its position refers to.
-type Parsed<'a> = (String, Option<PixelPlace>, Cow<'a, [u8]>);
-
-fn parse_into<'a>(bytes: &'a [u8], root: &mut Item) -> Result<Parsed<'a>, Fault> {
-    let start = if bytes.get(128..132) == Some(b"DICM") { 132 } else { 0 };
-    let mut meta = Walk { bytes, at: start, form: Form { explicit: true, order: ByteOrder::Little }, pixels: None };
-    let mut head = Item::default();
-    while meta.peek_group()? == Some(2) {
-        meta.element(&mut head, 0)?;
-    }
-    let syntax = head.text(TRANSFER_SYNTAX).ok_or_else(|| Fault::Bad("names no transfer syntax".to_owned()))?;
-    let form = match syntax.as_str() {
-        "1.2.840.10008.1.2" => Form { explicit: false, order: ByteOrder::Little },
-        "1.2.840.10008.1.2.2" => Form { explicit: true, order: ByteOrder::Big },
-        _ => Form { explicit: true, order: ByteOrder::Little },
-    };
-    let body = if syntax == "1.2.840.10008.1.2.1.99" {
-        let mut out = Vec::new();
-        let packed = bytes.get(meta.at..).unwrap_or_default();
-        let most = MOST_UNPACKED.min(1040 * packed.len() as u64);
-        match flate2::read::DeflateDecoder::new(packed).take(most).read_to_end(&mut out) {
-            Ok(_) => Cow::Owned(out),
-            Err(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => return Err(Fault::Short),
-            Err(e) => return Err(Fault::Bad(format!("its deflated data is damaged ({e})"))),
-        }
-    } else {
-        Cow::Borrowed(bytes)
-    };
-    let at = if matches!(body, Cow::Owned(_)) { 0 } else { meta.at };
-    let mut walk = Walk { bytes: &body, at, form, pixels: None };
-    root.order = form.order;
-    while walk.pixels.is_none() && walk.peek_group()?.is_some() {
-        walk.element(root, 0)?;
-    }
-    let pixels = walk.pixels;
-    Ok((syntax, pixels, body))
-}
-
-struct Walk<'a> {
-    bytes: &'a [u8],
-    at: usize,
-    form: Form,
-    pixels: Option<PixelPlace>,
+pub(super) struct Walk<'a> {
+    pub bytes: &'a [u8],
+    pub at: usize,
+    pub form: Form,
+    pub pixels: Option<PixelPlace>,
 }
 
 impl<'a> Walk<'a> {
-    fn take(&mut self, n: usize) -> Result<&'a [u8], Fault> {
+    pub(super) fn new(bytes: &'a [u8], at: usize, form: Form) -> Self {
+        Self { bytes, at, form, pixels: None }
+    }
+
+    pub(super) fn take(&mut self, n: usize) -> Result<&'a [u8], Fault> {
         let end = self.at.checked_add(n).ok_or(Fault::Short)?;
         let taken = self.bytes.get(self.at..end).ok_or(Fault::Short)?;
         self.at = end;
@@ -229,7 +189,7 @@ impl<'a> Walk<'a> {
         })
     }
 
-    fn u32(&mut self) -> Result<u32, Fault> {
+    pub(super) fn u32(&mut self) -> Result<u32, Fault> {
         let b = self.take(4)?;
         let b = [b[0], b[1], b[2], b[3]];
         Ok(match self.form.order {
@@ -238,12 +198,12 @@ impl<'a> Walk<'a> {
         })
     }
 
-    fn tag(&mut self) -> Result<Tag, Fault> {
+    pub(super) fn tag(&mut self) -> Result<Tag, Fault> {
         Ok((self.u16()?, self.u16()?))
     }
 
     /// Returns the group of the next element; `None` at the end.
-    fn peek_group(&mut self) -> Result<Option<u16>, Fault> {
+    pub(super) fn peek_group(&mut self) -> Result<Option<u16>, Fault> {
         if self.at >= self.bytes.len() {
             return Ok(None);
         }
@@ -261,11 +221,21 @@ impl<'a> Walk<'a> {
         let vr = self.take(2)?;
         let vr = [vr[0], vr[1]];
         if !vr.iter().all(u8::is_ascii_uppercase) {
+            // One element in implicit form among explicit ones.
+            let begin = self.at - 6;
+            let implicit = Form { explicit: false, ..self.form };
+            if let Ok(length) = self.length_at(begin + 4)
+                && recover::plausible(self.bytes, begin, self.bytes.len(), implicit, None, 0)
+                && (length as usize).checked_add(begin + 8).is_some_and(|end| {
+                    recover::plausible(self.bytes, end, self.bytes.len(), self.form, self.tag_at(begin), 1)
+                })
+            {
+                self.at = begin + 8;
+                return Ok(([0, 0], length));
+            }
             return Err(Fault::Bad(format!("is damaged at byte {} (no value representation)", self.at)));
         }
-        let long =
-            [b"OB", b"OW", b"OF", b"OD", b"OL", b"OV", b"SQ", b"UN", b"UT", b"UC", b"UR", b"SV", b"UV"].contains(&&vr);
-        if long {
+        if recover::is_long(vr) {
             self.u16()?;
             Ok((vr, self.u32()?))
         } else {
@@ -273,7 +243,15 @@ impl<'a> Walk<'a> {
         }
     }
 
-    fn element(&mut self, into: &mut Item, depth: u32) -> Result<(), Fault> {
+    fn length_at(&self, at: usize) -> Result<u32, Fault> {
+        Walk { at, ..*self }.u32()
+    }
+
+    fn tag_at(&self, at: usize) -> Option<Tag> {
+        Walk { at, ..*self }.tag().ok()
+    }
+
+    pub(super) fn element(&mut self, into: &mut Item, depth: u32) -> Result<(), Fault> {
         let tag = self.tag()?;
         let (vr, length) = self.representation()?;
         let is_float = FLOAT_PIXEL_DATA.contains(&tag);
@@ -282,9 +260,15 @@ impl<'a> Walk<'a> {
             self.pixels = Some(PixelPlace { offset: self.at, length, is_float });
             return Ok(());
         }
+        if length == UNDEFINED && (tag == PIXEL_DATA || vr[0] == b'O') {
+            // Pixel data of an icon, encapsulated.
+            return self.pass_fragments();
+        }
+        // A private sequence is passed over as a whole, whatever the form of its items.
+        let private = tag.0 % 2 == 1 && length != UNDEFINED;
         // A value of unknown representation and undefined length is a sequence in implicit form (PS3.5, 6.2.2).
         let sequence = &vr == b"SQ" || length == UNDEFINED || (&vr == b"\0\0" && self.looks_like_items(length));
-        if !sequence {
+        if !sequence || private {
             let value = self.take(length as usize)?;
             let longest = if tag == LUT_DATA { LONGEST_LUT } else { LONGEST_VALUE };
             if value.len() <= longest && tag.0 % 2 == 0 {
@@ -297,7 +281,7 @@ impl<'a> Walk<'a> {
         }
         let outer = self.form;
         if &vr == b"UN" {
-            self.form = Form { explicit: false, order: ByteOrder::Little };
+            self.form = IMPLICIT;
         }
         let items = self.sequence(length, depth)?;
         self.form = outer;
@@ -342,6 +326,9 @@ impl<'a> Walk<'a> {
 
     fn item(&mut self, length: u32, depth: u32) -> Result<Item, Fault> {
         let end = self.end_of(length)?;
+        let outer = self.form;
+        // Some writers leave the items of a sequence in another form.
+        self.form = recover::form_at(self.bytes, self.at, end, outer);
         let mut item = Item { order: self.form.order, ..Item::default() };
         while self.at < end {
             let at = self.at;
@@ -352,122 +339,24 @@ impl<'a> Walk<'a> {
             self.at = at;
             self.element(&mut item, depth + 1)?;
         }
+        self.form = outer;
         Ok(item)
     }
-}
 
-/// Returns the fragments of encapsulated pixel data, without the preceding offset table (PS3.5, A.4).
-///
-/// # Errors
-/// Returns [`Fault::Short`] if the data ends inside a fragment.
-pub(crate) fn fragments(bytes: &[u8], offset: usize) -> Result<Vec<&[u8]>, Fault> {
-    let mut walk = Walk { bytes, at: offset, form: Form { explicit: true, order: ByteOrder::Little }, pixels: None };
-    let mut out = Vec::new();
-    loop {
-        match walk.tag()? {
-            ITEM => {
-                let length = walk.u32()?;
-                out.push(walk.take(length as usize)?);
+    fn pass_fragments(&mut self) -> Result<(), Fault> {
+        loop {
+            match self.tag()? {
+                ITEM => {
+                    let length = self.u32()?;
+                    self.take(length as usize)?;
+                }
+                SEQUENCE_END => return self.u32().map(drop),
+                _ => return Err(Fault::Bad(format!("is damaged at byte {} (no fragment)", self.at))),
             }
-            SEQUENCE_END => break,
-            _ => return Err(Fault::Bad("has no fragment where one is expected".to_owned())),
         }
     }
-    if out.is_empty() {
-        return Err(Fault::Bad("has no offset table before its fragments".to_owned()));
-    }
-    out.remove(0);
-    Ok(out)
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn file(syntax: &str, body: &[u8]) -> Vec<u8> {
-        let mut uid = syntax.as_bytes().to_vec();
-        uid.resize(uid.len().next_multiple_of(2), 0);
-        let mut f = vec![0; 128];
-        f.extend(b"DICM\x02\0\x10\0UI");
-        f.extend((uid.len() as u16).to_le_bytes());
-        f.extend(uid);
-        f.extend(body);
-        f
-    }
-
-    #[test]
-    fn a_length_beyond_the_file_is_short_and_allocates_nothing() {
-        for length in [5u32, 1 << 20, u32::MAX - 1] {
-            let mut body = b"\x08\0\x05\0UN\0\0".to_vec();
-            body.extend(length.to_le_bytes());
-            body.extend(b"abcd");
-            assert_eq!(parse(&file("1.2.840.10008.1.2.1", &body)).unwrap_err(), Fault::Short);
-        }
-    }
-
-    #[test]
-    fn nested_sequences_of_both_lengths() {
-        // SQ (0008,1140) of undefined length with an item of undefined length that holds a value and another SQ of
-        // defined length.
-        let mut body = b"\x08\0\x40\x11SQ\0\0\xff\xff\xff\xff\xfe\xff\x00\xe0\xff\xff\xff\xff".to_vec();
-        body.extend(b"\x28\0\x10\0US\x02\0\x07\0");
-        body.extend(b"\x08\0\x41\x11SQ\0\0\x10\0\0\0\xfe\xff\x00\xe0\x08\0\0\0\x10\0\x10\0LO\0\0");
-        body.extend(b"\xfe\xff\x0d\xe0\0\0\0\0\xfe\xff\xdd\xe0\0\0\0\0");
-        body.extend(b"\xe0\x7f\x10\0OW\0\0\x02\0\0\0ab");
-        let bytes = file("1.2.840.10008.1.2.1", &body);
-        let (set, _) = parse(&bytes).unwrap();
-        let items = set.root.items((0x0008, 0x1140));
-        assert_eq!(items[0].short((0x0028, 0x0010)), Some(7));
-        assert_eq!(items[0].items((0x0008, 0x1141)).len(), 1);
-        assert_eq!(set.pixels, Some(PixelPlace { offset: bytes.len() - 2, length: Some(2), is_float: false }));
-    }
-
-    #[test]
-    fn deep_nesting_is_refused() {
-        let mut body = Vec::new();
-        for _ in 0..100 {
-            body.extend(b"\x08\0\x40\x11SQ\0\0\xff\xff\xff\xff\xfe\xff\x00\xe0\xff\xff\xff\xff");
-        }
-        assert!(matches!(parse(&file("1.2.840.10008.1.2.1", &body)), Err(Fault::Bad(_))));
-    }
-
-    /// A sequence of unknown representation is in implicit form, and what follows it is not (PS3.5, 6.2.2).
-    #[test]
-    fn an_unknown_sequence_leaves_the_explicit_form_as_it_was() {
-        let mut body = b"\x08\0\x40\x11UN\0\0\xff\xff\xff\xff\xfe\xff\x00\xe0\x0a\0\0\0".to_vec();
-        body.extend(b"\x28\0\x10\0\x02\0\0\0\x07\0\xfe\xff\xdd\xe0\0\0\0\0");
-        body.extend(b"\x28\0\x11\0US\x02\0\x09\0");
-        body.extend(b"\xe0\x7f\x10\0OW\0\0\x02\0\0\0ab");
-        let bytes = file("1.2.840.10008.1.2.1", &body);
-        let (set, _) = parse(&bytes).unwrap();
-        assert_eq!(set.root.items((0x0008, 0x1140))[0].short((0x0028, 0x0010)), Some(7));
-        assert_eq!(set.root.short((0x0028, 0x0011)), Some(9));
-        assert_eq!(set.pixels, Some(PixelPlace { offset: bytes.len() - 2, length: Some(2), is_float: false }));
-    }
-
-    #[test]
-    fn the_implicit_form_tells_values_from_sequences_by_their_bytes() {
-        let mut body = b"\x28\0\x11\0\x02\0\0\0\x09\0\x08\0\x40\x11\x12\0\0\0".to_vec();
-        body.extend(b"\xfe\xff\x00\xe0\x0a\0\0\0\x28\0\x10\0\x02\0\0\0\x07\0");
-        body.extend(b"\x18\0\x50\0\x0a\0\0\x000.62500000\xe0\x7f\x10\0\x02\0\0\0ab");
-        let bytes = file("1.2.840.10008.1.2", &body);
-        let (set, _) = parse(&bytes).unwrap();
-        assert_eq!(set.root.short((0x0028, 0x0011)), Some(9));
-        assert_eq!(set.root.items((0x0008, 0x1140))[0].short((0x0028, 0x0010)), Some(7));
-        assert_eq!(set.root.decimal((0x0018, 0x0050)), Some(0.625), "ten bytes that do not begin as an item does");
-        assert_eq!(set.pixels, Some(PixelPlace { offset: bytes.len() - 2, length: Some(2), is_float: false }));
-    }
-
-    #[test]
-    fn a_decimal_is_the_first_number_of_a_value() {
-        let mut body = b"\x18\0\x50\0DS\x04\x002.5 \x20\0\x11\0IS\x02\0x ".to_vec();
-        body.extend(b"\x28\0\x30\0DS\x08\x000.7\\0.8 ");
-        let bytes = file("1.2.840.10008.1.2.1", &body);
-        let root = parse(&bytes).unwrap().0.root;
-        assert_eq!(root.decimal((0x0018, 0x0050)), Some(2.5));
-        assert_eq!(root.decimal((0x0028, 0x0030)), Some(0.7));
-        assert_eq!(root.decimals((0x0028, 0x0030)), Some(vec![0.7, 0.8]));
-        assert_eq!(root.decimal((0x0020, 0x0011)), None, "no number");
-        assert_eq!(root.decimal((0x0018, 0x0088)), None, "not there");
-    }
-}
+#[path = "dataset_tests.rs"]
+mod tests;

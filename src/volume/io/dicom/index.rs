@@ -1,6 +1,6 @@
 //! The index of a medium (DICOMDIR, PS3.10): the files that it lists.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -48,7 +48,7 @@ pub(crate) fn read(path: &Path) -> Result<Option<Index>> {
     }
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let root = folder.canonicalize().map_err(|e| source::unreadable(path, e))?;
-    let (mut index, mut known, mut names) = (Index::default(), HashSet::new(), Names::default());
+    let (mut index, mut known, mut names) = (Index::default(), BTreeSet::new(), Names::default());
     for id in records.iter().filter_map(|r| r.text(FILE_ID)) {
         if index.files.len() + index.missing.len() + index.outside >= MOST_FILES {
             return Err(Error::file(
@@ -94,13 +94,13 @@ impl Index {
 fn parts(id: &str) -> Option<Vec<&str>> {
     let parts: Vec<&str> = id.split('\\').map(str::trim).collect();
     let plain = |p: &&str| !p.is_empty() && *p != "." && *p != ".." && !p.contains(['/', ':', '\0']);
-    (parts.len() <= MOST_PARTS && parts.iter().all(|p| plain(p))).then_some(parts)
+    (parts.len() <= MOST_PARTS && parts.iter().all(plain)).then_some(parts)
 }
 
 /// Names of files in folders. Media are mounted in small letters or capitals, some with a version behind each name.
 #[derive(Default)]
 struct Names {
-    folders: HashMap<PathBuf, HashMap<String, OsString>>,
+    folders: BTreeMap<PathBuf, BTreeMap<String, OsString>>,
 }
 
 impl Names {

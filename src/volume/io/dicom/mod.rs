@@ -7,13 +7,16 @@ mod codestream;
 mod copies;
 mod dataset;
 mod even;
+mod fragments;
 mod index;
 mod lut;
 mod marks;
 mod origin;
+mod parse;
 mod passes;
 mod picture;
 mod pixels;
+mod recover;
 mod rle;
 mod samples;
 mod slice;
@@ -26,6 +29,8 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
+use self::dataset::Oddities;
+pub(crate) use self::recover::begins_bare;
 use self::slice::Slice;
 use self::stack::{Gap, Stack};
 use self::study::Groups;
@@ -79,6 +84,7 @@ pub(crate) fn load(
     if let (Units::Other(what), Modality::Ct) = (&units, wanted) {
         return Err(Error::file(input, format!("holds {what}"), "give the series in HU"));
     }
+    notes.extend(odd(&slices));
     let stack = stack::stack(input, slices, progress)?;
     if !options.allow_gaps {
         refuse_gaps(input, &stack)?;
@@ -170,6 +176,26 @@ fn groups(input: &Path, files: &[PathBuf], notes: &mut Vec<String>, progress: &P
         return Err(Error::file(input, "holds no DICOM image", "give a CT series"));
     }
     Ok(groups)
+}
+
+/// Tells whether a file has one oddity, and its words.
+type OddKind = (fn(&Oddities) -> bool, &'static str);
+
+/// Returns notes on files of a series that are read although they are not as the standard says.
+fn odd(slices: &[Slice]) -> Vec<String> {
+    let kinds: [OddKind; 4] = [
+        (|o| o.no_syntax, "without a transfer syntax: their bytes tell how they are encoded"),
+        (|o| o.other_form, "not encoded as their transfer syntax says: they are read as they are"),
+        (|o| o.damage, "with damaged elements that are not needed: these are passed over"),
+        (|o| o.no_frames, "with 0 as NumberOfFrames: 1 is taken"),
+    ];
+    let one = |(has, words): &OddKind| {
+        let mut odd = slices.iter().filter(|s| has(&s.file.oddities)).peekable();
+        let first = odd.peek()?.file.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let n = odd.count();
+        Some(format!("{n} {} {words}, the first: {first}", if n == 1 { "slice" } else { "slices" }))
+    };
+    kinds.iter().filter_map(one).collect()
 }
 
 fn refuse_gaps(input: &Path, stack: &Stack) -> Result<()> {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::dataset::{self, DataSet, Fault, Item, PixelPlace, Tag};
+use super::dataset::{self, DataSet, Fault, Item, Oddities, PixelPlace, Tag};
 use super::lut;
 use super::marks::Marks;
 use super::origin::Origin;
@@ -91,6 +91,8 @@ pub(crate) struct FileHead {
     pub has_lut: bool,
     /// True if low values are displayed bright. The meaning of the values is the same.
     pub inverted: bool,
+    /// What the file has other than the standard says.
+    pub oddities: Oddities,
 }
 
 /// One slice: a file, or one frame of it.
@@ -141,7 +143,7 @@ pub(crate) fn read(path: &Path) -> Result<Vec<Slice>> {
         Err((root, fault)) => {
             // Another series can be opened all the same.
             let known = root.text(SERIES_UID).is_some() && root.text(MODALITY).is_some();
-            let set = DataSet { root, syntax: String::new(), pixels: None };
+            let set = DataSet { root, ..DataSet::default() };
             if known { Ok(vec![standing_for(path, &set, fault, true)]) } else { Err(fault) }
         }
     }
@@ -162,13 +164,14 @@ fn parsed(path: &Path) -> Result<std::result::Result<(DataSet, u64), (Item, Erro
     let bad = |why: String| Error::file(path, why, "export it again");
     let mut bytes = head(path, FIRST_BYTES.min(len))?;
     loop {
-        match dataset::parse(&bytes) {
+        let whole = bytes.len() as u64 >= len;
+        match if whole { dataset::parse(&bytes) } else { dataset::parse_first(&bytes) } {
             Ok((set, body)) => {
                 // The file continues beyond the bytes read so far, unless the body was inflated.
                 let room = if matches!(body, std::borrow::Cow::Owned(_)) { body.len() as u64 } else { len };
                 return Ok(Ok((set, room)));
             }
-            Err(Fault::Short) if (bytes.len() as u64) < len => bytes = head(path, (16 * bytes.len() as u64).min(len))?,
+            Err(_) if !whole => bytes = head(path, (16 * bytes.len() as u64).min(len))?,
             Err(fault) => {
                 let fault = bad(match fault {
                     Fault::Short => "ends early, inside its header".to_owned(),
@@ -333,6 +336,7 @@ fn unusable(path: &Path, set: &DataSet, pixels: PixelPlace) -> FileHead {
         has_overlays: false,
         has_lut: false,
         inverted: false,
+        oddities: set.oddities,
     }
 }
 
@@ -365,14 +369,14 @@ fn file_head(path: &Path, set: &DataSet, pixels: PixelPlace, room: u64) -> Resul
             "export it with 8 or 16 bits",
         ));
     }
-    let frames = match root.text(FRAMES) {
-        None => 1,
-        Some(t) => t
-            .parse()
-            .ok()
-            .filter(|n| (1..=100_000).contains(n))
-            .ok_or_else(|| wrong(path, "NumberOfFrames", &t, "1 to 100000"))?,
+    let declared: Option<u32> = match root.text(FRAMES) {
+        None => None,
+        Some(t) => {
+            let n = t.parse().ok().filter(|n| (0..=100_000).contains(n));
+            Some(n.ok_or_else(|| wrong(path, "NumberOfFrames", &t, "1 to 100000"))?)
+        }
     };
+    let frames = declared.unwrap_or(1).max(1);
     let signed = root.short(REPRESENTATION).unwrap_or(0) == 1;
     let padding = root.short(PADDING).map(|p| [p, root.short(PADDING_LIMIT).unwrap_or(p)]);
     if let Some(length) = pixels.length {
@@ -398,6 +402,7 @@ fn file_head(path: &Path, set: &DataSet, pixels: PixelPlace, room: u64) -> Resul
         has_overlays: OVERLAYS.step_by(2).any(|group| root.short((group, OVERLAY_BIT)).is_some_and(|bit| bit > 0)),
         has_lut: !root.items(lut::SEQUENCE).is_empty(),
         inverted: photometric == "MONOCHROME1",
+        oddities: Oddities { no_frames: declared == Some(0), ..set.oddities },
     })
 }
 
