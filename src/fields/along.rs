@@ -4,9 +4,9 @@
 //! segments of gas are joined by nothing, the line follows a guess, which is marked. Without a known order, each segment has a line
 //! of its own.
 //!
-//! A place belongs to the stretch of the line that is nearest *in the lumen*, not through a wall: every cell of the lumen (see
-//! [`centerline`]) takes the nearest point of the line if that is in its sight, else the one from which a flood reaches it first. The
-//! place is then that of the nearest point of the line within [`NEAR_ALONG_MM`] of it.
+//! A place belongs to the stretch of the line that is nearest *through the lumen*, not through a wall: every cell of the lumen (see
+//! [`centerline`]) takes the point of the line from which a flood reaches it first. The place is then that of the nearest point of
+//! the line within [`NEAR_ALONG_MM`] of it.
 
 use std::ops::Range;
 
@@ -294,23 +294,6 @@ mod tests {
             }
         }
         assert_eq!(Along::default().of(DVec3::ZERO), None);
-    }
-
-    /// In one open space, the nearest of two lines is the one, whatever a flood by cells reaches first.
-    #[test]
-    fn a_place_belongs_to_the_nearest_line_in_its_sight() {
-        let walls = WallDistance::drawn([60, 60, 60], DVec3::ONE, |p| {
-            p.cmpgt(DVec3::splat(4.0)).all() && p.cmplt(DVec3::splat(55.0)).all()
-        });
-        let line = |x: f64, y: f64| (6..54).map(|z| DVec3::new(x, y, f64::from(z))).collect::<Vec<_>>();
-        let lines = [line(9.0, 11.0), line(40.0, 33.0)];
-        let cells = centerline::nearest_through(&walls, &[&lines[0], &lines[1]], &Progress::new()).unwrap();
-        assert!(cells.len() > 1000);
-        for (place, line, point) in cells {
-            let to = |l: usize| lines[l].iter().map(|p| p.distance(place)).fold(f64::INFINITY, f64::min);
-            let own = lines[line as usize][point as usize].distance(place);
-            assert!(own <= to(0).min(to(1)) + 1e-9, "{place}: {own}");
-        }
     }
 
     /// Two limbs with a thin wall between them: beside the wall, the middle of the narrow one is nearer than that of the wide one.
