@@ -142,6 +142,12 @@ fn through_scan(
     if !asked {
         let joined = joined(&lumen);
         if !lumen.ordered {
+            if lumen.segments.len() > 1 {
+                let count = lumen.segments.len();
+                say(&format!(
+                    "the order of the {count} segments of gas is not known: the line goes through the largest"
+                ));
+            }
             ends = joined;
         }
     }

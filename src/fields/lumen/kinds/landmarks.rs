@@ -121,7 +121,16 @@ impl Landmarks {
                         if cells[n] == Cell::Lung {
                             s.lung.push([p.x, p.y]);
                         }
-                        if !body[n] && cells[n] != Cell::Gas {
+                        // Skin in a part of a cell is not the table's shell.
+                        let is_apart = || {
+                            [a, b].into_iter().all(|axis| {
+                                let (mut less, mut more) = (c, c);
+                                less[axis] = c[axis].saturating_sub(1);
+                                more[axis] = (c[axis] + 1).min(count[axis] - 1);
+                                !body[index(less)] && !body[index(more)]
+                            })
+                        };
+                        if !body[n] && (cells[n] != Cell::Gas || is_apart() && is_shell(volume, c, step, b)) {
                             s.loose.push([p.x, p.y]);
                         }
                         if body[n] {
@@ -277,6 +286,16 @@ fn cell(hu: i16) -> Cell {
     }
 }
 
+/// True if tissue is found along an axis of a cell: the shell of a table is thinner than a cell, and one voxel of it may miss it.
+fn is_shell(volume: &Volume, cell: [usize; 3], step: [usize; 3], axis: usize) -> bool {
+    let mut at: [usize; 3] = std::array::from_fn(|a| cell[a] * step[a]);
+    let end = (at[axis] + step[axis]).min(volume.grid().dims()[axis]);
+    (at[axis]..end).any(|n| {
+        at[axis] = n;
+        volume.data()[volume.grid().index(at[0], at[1], at[2])] > TISSUE_HU
+    })
+}
+
 /// Marks the cells of the largest piece of tissue and bone that touch face to face: not the table's.
 fn largest(cells: &[Cell], [nx, ny, nz]: [usize; 3]) -> Vec<bool> {
     let is_body = |n: usize| matches!(cells[n], Cell::Tissue | Cell::Bone);
@@ -297,4 +316,49 @@ fn largest(cells: &[Cell], [nx, ny, nz]: [usize; 3]) -> Vec<bool> {
     (0..cells.len()).filter(|&n| is_body(n)).for_each(|n| sizes[of[n] as usize] += 1);
     let most = (0..count).fold(0, |best, c| if sizes[c] > sizes[best] { c } else { best });
     (0..cells.len()).map(|n| is_body(n) && of[n] as usize == most).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DMat3;
+
+    use super::*;
+    use crate::volume::Grid;
+
+    /// The shell of a table of 2 mm, 1.5 mm voxels: it is found whatever the order and the directions of the index axes.
+    #[test]
+    fn a_thin_table_is_found_in_every_order_of_the_axes() {
+        let size = [180.0, 135.0, 60.0];
+        for shift in [0.0, 1.5, 3.0] {
+            let hu = |p: DVec3| {
+                let is_body = (p.x - 90.0).hypot(p.y - 60.0) < 55.0;
+                let is_table = (122.0 + shift..124.0 + shift).contains(&p.y) && (15.0..165.0).contains(&p.x);
+                if is_body || is_table { 40 } else { -1000 }
+            };
+            for order in [[0, 1, 2], [1, 0, 2], [2, 1, 0], [0, 2, 1], [1, 2, 0], [2, 0, 1]] {
+                for flips in 0..8 {
+                    let axis = |n: usize| {
+                        let mut axis = DVec3::ZERO;
+                        axis[order[n]] = if flips >> n & 1 == 1 { -1.0 } else { 1.0 };
+                        axis
+                    };
+                    let direction = DMat3::from_cols(axis(0), axis(1), axis(2));
+                    let dims: [usize; 3] = std::array::from_fn(|n| (size[order[n]] / 1.5) as usize);
+                    let mut origin = DVec3::ZERO;
+                    for n in (0..3).filter(|n| flips >> n & 1 == 1) {
+                        origin[order[n]] = 1.5 * (dims[n] - 1) as f64;
+                    }
+                    let grid = Grid::new(dims, DVec3::splat(1.5), origin, direction).unwrap();
+                    let [nx, ny, _] = dims;
+                    let place = |n: usize| {
+                        grid.world(DVec3::new((n % nx) as f64, (n / nx % ny) as f64, (n / (nx * ny)) as f64))
+                    };
+                    let data = (0..grid.len()).map(|n| hu(place(n))).collect();
+                    let volume = Volume::new(grid.clone(), data);
+                    let found = Landmarks::of(&volume, Frame::of(&grid)).unwrap();
+                    assert_eq!(found.table, Some(PatientPosition::Supine), "{shift} mm, {order:?}, {flips:03b}");
+                }
+            }
+        }
+    }
 }

@@ -1,7 +1,9 @@
 //! DICOM: one file or a folder of slices.
 //!
-//! [`dataset`] parses a file's elements, [`slice`] keeps the relevant ones, [`study`] groups slices into series and chooses one,
-//! [`stack`] orders slices in space, [`pixels`] converts stored values to HU and [`picture`] makes a small picture of a slice.
+//! [`parse`] reads a file's elements into a [`dataset`] and passes over damage that does not matter ([`recover`]), [`slice`] keeps the
+//! relevant ones, [`study`] groups slices into series and chooses one, [`passes`] divides a series whose [`marks`] tell that it is
+//! several volumes, [`stack`] orders slices in space, [`pixels`] converts stored values to HU ([`codestream`], [`samples`], [`lut`],
+//! [`units`]) and [`picture`] makes a small picture of a slice. [`index`] reads a DICOMDIR.
 
 mod codestream;
 mod copies;
