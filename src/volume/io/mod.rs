@@ -144,6 +144,7 @@ struct Read {
 }
 
 /// What the values of an input are.
+#[cfg_attr(not(feature = "dicom"), expect(dead_code, reason = "only DICOM has other values than HU"))]
 enum Units {
     /// HU, as far as the input tells.
     Hu,

@@ -97,7 +97,7 @@ mod tests {
             assert!(several(&both), "{shift} {n} {step}");
             assert!(faults(&both) > 0, "{shift} {n} {step}");
         }
-        assert!(several(&mixed(&[one.clone(), steps(0.3, 1.25, 20), steps(0.7, 1.25, 20)])));
+        assert!(several(&mixed(&[one, steps(0.3, 1.25, 20), steps(0.7, 1.25, 20)])));
     }
 
     #[test]

@@ -158,7 +158,6 @@ pub(crate) fn header(path: &Path) -> Result<(DataSet, u64)> {
 }
 
 /// Reads the header of a file; of a damaged one, the elements before the damage, and the fault.
-#[expect(clippy::type_complexity, reason = "used by the two functions above")]
 fn parsed(path: &Path) -> Result<std::result::Result<(DataSet, u64), (Item, Error)>> {
     let (_, len) = source::open(path)?;
     let bad = |why: String| Error::file(path, why, "export it again");
