@@ -174,6 +174,7 @@ def one(c):
         paths = written(c.folder / name, slices)
         c.expect(name, [("", "supine")], [read(paths)])
     half = lambda name, a, b: lambda d, k: setattr(d, name, a if k < 11 else b)
+    number = lambda d, k: setattr(d, "InstanceNumber", k + 1)
     whole("one_acquisition", run(1, 20, each=half("AcquisitionNumber", 1, 2)))
     whole("one_kernel", run(1, 20, each=half("ConvolutionKernel", "B30f", "B31f")))
     whole("one_slabs", run(1, 40, each=lambda d, k: setattr(d, "AcquisitionNumber", k // 4)))
@@ -185,8 +186,22 @@ def one(c):
     whole("one_time", run(1, 20, each=lambda d, k: setattr(d, "ContentTime", f"1010{(k * 7) % 20:02}")))
     whole("one_down", run(1, 20, each=lambda d, k: setattr(d, "InstanceNumber", 20 - k)))
     whole("one_frames", run(1, 20, each=lambda d, k: setattr(d, "FrameOfReferenceUID", f"1.2.3.{k + 9}")))
+    whole("one_steps", run(1, 60, each=lambda d, k: (setattr(d, "AcquisitionNumber", k // 30), number(d, k))))
     whole("one_rounded", run(1, 40, step=0.625, each=lambda d, k: setattr(
         d, "ImagePositionPatient", [-20, -30, round(-100 + 0.625 * k, 1)])))
+
+
+def missing(c):
+    """One pass without some slices: it is opened only where gaps are allowed, and nothing else is lost."""
+    number = lambda d, k: setattr(d, "InstanceNumber", k + 1)
+    def without(name, slices, *lost):
+        paths = written(c.folder / name, [d for k, d in enumerate(slices) if k not in lost])
+        c.cases.append({"name": name, "path": name, "slots": len(slices), "missing": len(lost)})
+    at = lambda name, first, a, b: lambda d, k: (number(d, k), setattr(d, name, a if k < first else b))
+    without("missing_acquisition", run(1, 40, each=at("AcquisitionNumber", 8, 1, 2)), 8)
+    without("missing_type", run(1, 40, each=at("ImageType", 1, ["DERIVED"], ["ORIGINAL"])), 1)
+    without("missing_at_ends", run(1, 40, each=number), 1, 3)
+    without("missing_halves", run(1, 40, each=number), *range(1, 20, 2))
 
 
 def several(c):
@@ -321,6 +336,11 @@ def copies(c):
     twice("copies_some", run(1), packed(run(1)[:5]), note(5))
     twice("copies_bytes", run(1), run(1)[2:6], note(4))
     twice("copies_one", run(1), run(1)[2:3], " duplicates ")
+    number = lambda d, k: (setattr(d, "InstanceNumber", k + 1), setattr(d, "AcquisitionTime", f"1010{k // 2:02}"))
+    twice("copies_numbered", run(1, 40, each=number), run(1, 40, each=number)[8:9], " duplicates ")
+    twice("copies_of_three", run(1, 40, each=number), run(1, 40, each=number)[8:29:10], note(3))
+    own = lambda d, k: setattr(d, "FrameOfReferenceUID", f"1.2.3.{k + 9}")
+    twice("copies_of_frames", run(1, 40, each=own), run(1, 40, each=own)[8:9], " duplicates ")
     scaled = run(1)[4:5]
     scaled[0].RescaleIntercept = 1
     name = "copies_scaled"
@@ -388,6 +408,6 @@ def orders(c):
 
 if __name__ == "__main__":
     cases = Cases(Path(sys.argv[1]))
-    for part in (two, always, one, several, nothing, enhanced, copies, media, orders):
+    for part in (two, always, one, missing, several, nothing, enhanced, copies, media, orders):
         part(cases)
     (cases.folder / "cases.json").write_text(json.dumps(cases.cases))

@@ -105,8 +105,8 @@ pub fn load(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<L
 /// As [`load`]; also status 3 if it has no voxel of 0, negative values or fractions, as a scan or a distance field does.
 pub fn load_mask(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<Loaded> {
     let (format, passed) = detect(path, progress)?;
-    // Black stays 0.
-    let grey = LoadOptions { hu: options.hu.or(Some((0.0, 255.0))), ..options.clone() };
+    // Black stays 0, and every other level is at least 1.
+    let grey = LoadOptions { hu: options.hu.or(Some((0.0, 65535.0))), ..options.clone() };
     let options = if matches!(format, Format::Png(_)) { &grey } else { options };
     let read = scan(path, &format, options, Modality::Any, progress).map_err(|e| with_passed(e, &passed))?;
     let values = read.scanned.volume.data();

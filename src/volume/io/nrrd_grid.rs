@@ -96,6 +96,7 @@ pub(super) fn grid(f: &Fields, notes: &mut Vec<String>) -> Result<Grid> {
     };
     let ends = ends(f, count)?;
     let reported = f.map.contains_key("spacings");
+    let is_silent = f.get(&["centers", "centerings"]).is_none();
     let mut axes = Vec::new();
     for (((size, step), spacing), ends) in sizes.iter().zip(steps).zip(spacings).zip(ends) {
         // NaN means "no spacing" for an axis that is not spatial.
@@ -103,6 +104,13 @@ pub(super) fn grid(f: &Fields, notes: &mut Vec<String>) -> Result<Grid> {
             frame::check_spacing(path, "spacings", &[spacing])?;
         }
         let mut spacing = Some(spacing).filter(|s| !s.is_nan());
+        let mut ends = ends;
+        if is_silent && let Some(own) = spacing {
+            // The ends are those of centres if only that agrees with the spacing.
+            let of = |faces: bool| Ends { faces, ..ends }.spacing(*size);
+            let agrees = |told: Option<f64>| told.is_some_and(|t| (t - own).abs() <= 0.01 * own);
+            ends.faces = agrees(of(true)) || !agrees(of(false));
+        }
         if let Some(told) = ends.spacing(*size).filter(|_| step.is_none()) {
             frame::check_spacing(path, "axis maxs", &[told])?;
             if spacing.is_some_and(|s| (s - told).abs() > 0.01 * told) {

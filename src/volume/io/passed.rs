@@ -131,6 +131,11 @@ pub(crate) fn pattern(path: &Path) -> String {
 /// Returns why a file that is no slice is passed over, by its first bytes and its name; `None` if it plainly accompanies the scan.
 /// `like_slice` tells whether its name is like those of the slices.
 pub(crate) fn kind(path: &Path, head: &[u8], like_slice: bool) -> Option<Kind> {
+    // What macOS keeps beside a file that it copies (AppleDouble).
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    if name.starts_with("._") || head.starts_with(&[0x00, 0x05, 0x16, 0x07]) {
+        return None;
+    }
     if head.is_empty() {
         // Markers such as `.nomedia`, and logs that stayed empty.
         return (!is_companion(path) || like_slice).then_some(Kind::Empty);

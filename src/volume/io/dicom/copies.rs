@@ -12,6 +12,8 @@ use crate::progress::Progress;
 
 /// Number of slices that are decoded at once to be compared.
 const AT_ONCE: usize = 32;
+/// Number of pixels that are decoded at once, unless one slice has more.
+const MOST_PIXELS: usize = 1 << 24;
 
 /// Returns the sorted `slices` without those that have the position and the values (HU) of one before. A note tells their number.
 ///
@@ -36,7 +38,9 @@ pub(crate) fn left_out(
     let files = named(input, first, &kept[*of]);
     progress.stage("comparing duplicates", 2 * copies.len() as u64);
     let mut others: Vec<usize> = Vec::new();
-    for (begin, chunk) in copies.chunks(AT_ONCE).enumerate().map(|(n, c)| (n * AT_ONCE, c)) {
+    let pixels = usize::from(first.file.rows) * usize::from(first.file.cols);
+    let at_once = (MOST_PIXELS / pixels.max(1)).clamp(1, AT_ONCE);
+    for (begin, chunk) in copies.chunks(at_once).enumerate().map(|(n, c)| (n * at_once, c)) {
         let one: Vec<Slice> = chunk.iter().map(|c| kept[c.0].clone()).collect();
         let two: Vec<Slice> = chunk.iter().map(|c| c.1.clone()).collect();
         let (one, two) = (values(&one, progress)?, values(&two, progress)?);

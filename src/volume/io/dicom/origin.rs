@@ -8,6 +8,8 @@ const MODALITY: Tag = (0x0008, 0x0060);
 const DESCRIPTION: Tag = (0x0008, 0x103E);
 const PATIENT_NAME: Tag = (0x0010, 0x0010);
 const PATIENT_ID: Tag = (0x0010, 0x0020);
+const BIRTH_DATE: Tag = (0x0010, 0x0030);
+const ACCESSION: Tag = (0x0008, 0x0050);
 const STUDY_UID: Tag = (0x0020, 0x000D);
 const FRAME_OF_REFERENCE: Tag = (0x0020, 0x0052);
 /// SOP class of a secondary capture; those of its multi-frame forms continue it.
@@ -91,7 +93,11 @@ pub(super) fn hash(parts: &[&str]) -> u64 {
 /// Cleans a text of the header of `root` as a description is cleaned, at full length.
 pub(super) fn cleaned(root: &Item, text: &str) -> String {
     let of = |tag: Tag| root.text(tag).unwrap_or_default();
-    clean(text, &of(PATIENT_NAME), &of(PATIENT_ID))
+    let mut text = text.to_owned();
+    for secret in [BIRTH_DATE, ACCESSION].map(of).iter().filter(|s| s.chars().count() >= LEAST_OF_NAME) {
+        text = text.replace(secret.as_str(), "…");
+    }
+    clean(&text, &of(PATIENT_NAME), &of(PATIENT_ID))
 }
 
 /// Returns at most 40 characters of a text.
@@ -105,6 +111,8 @@ fn clean(description: &str, name: &str, id: &str) -> String {
     let lower = |s: &str| s.to_lowercase();
     let words = |s: &str| s.split(|c: char| !c.is_alphanumeric()).map(lower).collect::<Vec<_>>();
     let mut secret = words(name);
+    // Names in other writing are short, and no space parts them from what follows.
+    let run_on: Vec<String> = secret.iter().filter(|w| !w.is_ascii() && w.chars().count() >= 2).cloned().collect();
     secret.retain(|w| w.chars().count() >= LEAST_OF_NAME);
     let id = if id.chars().count() >= LEAST_OF_NAME { id } else { "\0" };
     let text: String = description.replace(id, "…").chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
@@ -115,7 +123,8 @@ fn clean(description: &str, name: &str, id: &str) -> String {
             word.push(c);
             continue;
         }
-        out.push_str(if secret.contains(&lower(&word)) { "…" } else { &word });
+        let is_secret = secret.contains(&lower(&word)) || run_on.iter().any(|s| lower(&word).contains(s));
+        out.push_str(if is_secret { "…" } else { &word });
         word.clear();
         out.push(c);
     }

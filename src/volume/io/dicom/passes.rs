@@ -19,6 +19,9 @@ const DEEPEST: usize = 4;
 /// Least mean number of slices of more than two passes.
 const LEAST_SLICES: usize = 3;
 
+/// Least gap between passes that do not overlap, as a multiple of the usual step. A smaller one is a gap of one pass.
+const LEAST_GAP: f64 = 3.5;
+
 /// A pass of a series.
 #[derive(Debug)]
 pub(crate) struct Pass {
@@ -87,8 +90,9 @@ fn apart(slices: &[Slice], whole: &Part) -> Vec<Part> {
     let codes = grouped(&whole.slices, code);
     // Some writers give each slice a frame of its own.
     let frames = grouped(&whole.slices, frame);
-    let own = frames.len() > MOST_PASSES || frames.iter().all(|f| f.1.len() == 1);
-    let only_code = codes.iter().filter(|c| c.0.is_some()).count() < 2 || codes.len() > MOST_PASSES;
+    let few = |groups: usize| groups > 2 && groups * LEAST_SLICES > whole.slices.len();
+    let own = frames.len() > MOST_PASSES || few(frames.len()) || frames.iter().all(|f| f.1.len() == 1);
+    let only_code = codes.iter().filter(|c| c.0.is_some()).count() < 2 || codes.len() > MOST_PASSES || few(codes.len());
     let only_frame = frames.iter().filter(|f| f.0.is_some()).count() < 2 || own;
     let key = |s: usize| ((!only_code).then(|| code(s)), (!only_frame).then(|| frame(s)));
     let groups = grouped(&whole.slices, key);
@@ -195,6 +199,10 @@ fn best(slices: &[Slice], part: &Part, lines: &Lines) -> Option<Cut> {
     let own = &part.slices;
     let whole = lines.sorted(own);
     let faults = even::faults(&whole);
+    // Other modalities acquire slices in turn.
+    if faults == 0 && slices[own[0]].modality != "CT" {
+        return None;
+    }
     let mut best: Option<Cut> = None;
     let offer = |best: &mut Option<Cut>, groups: Vec<Vec<usize>>, words: &dyn Fn(&[Vec<usize>]) -> Vec<String>| {
         if let Some(cost) = cost(&groups, lines, faults)
@@ -224,12 +232,8 @@ fn best(slices: &[Slice], part: &Part, lines: &Lines) -> Option<Cut> {
     if best.is_none() {
         type Key = fn(&Marks) -> Option<f64>;
         let orders: [Key; 3] = [|m| m.times[0], |m| m.instance, |m| m.times[1]];
-        let count = match faults {
-            // Other modalities acquire slices in turn, and images are made in any order.
-            0 if slices[own[0]].modality != "CT" => 0,
-            0 => 2,
-            _ => 3,
-        };
+        // Images are made in any order.
+        let count = if faults == 0 { 2 } else { 3 };
         for (order, falling) in orders[..count].iter().flat_map(|o| [(o, false), (o, true)]) {
             let Some(groups) = runs(own, lines, |s| order(marks(s)), falling) else { continue };
             offer(&mut best, groups, &numbered);
@@ -251,7 +255,7 @@ fn numbered(groups: &[Vec<usize>]) -> Vec<String> {
 }
 
 /// Follows slices in the order of a time or a number, and begins a new group wherever their positions turn back. Slices of the
-/// same time are taken from the lowest position upwards, or downwards if `falling`.
+/// same time are taken from the lowest position upwards, or downwards if `falling`. A copy stays with its original.
 fn runs(own: &[usize], lines: &Lines, key: impl Fn(usize) -> Option<f64>, falling: bool) -> Option<Vec<Vec<usize>>> {
     let mut order: Vec<(f64, f64, usize)> = Vec::with_capacity(own.len());
     for &s in own {
@@ -260,7 +264,14 @@ fn runs(own: &[usize], lines: &Lines, key: impl Fn(usize) -> Option<f64>, fallin
     }
     order.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.total_cmp(&b.1)));
     let mut groups: Vec<Vec<usize>> = Vec::new();
-    for (_, _, s) in order {
+    let mut copies: Vec<(usize, usize)> = Vec::new();
+    let mut before: Option<(f64, f64)> = None;
+    for (key, t, s) in order {
+        if before.is_some_and(|b| b.0 == key && (b.1 - t).abs() < stack::SAME_PLACE) {
+            copies.push((groups.len() - 1, s));
+            continue;
+        }
+        before = Some((key, t));
         let full = groups.len() >= MOST_PASSES;
         match groups.last_mut() {
             Some(group) if continues(group, s, lines) => group.push(s),
@@ -268,6 +279,7 @@ fn runs(own: &[usize], lines: &Lines, key: impl Fn(usize) -> Option<f64>, fallin
             _ => groups.push(vec![s]),
         }
     }
+    copies.into_iter().for_each(|(group, s)| groups[group].push(s));
     groups.iter_mut().for_each(|g| g.sort_unstable());
     Some(groups)
 }
@@ -276,6 +288,13 @@ fn continues(group: &[usize], s: usize, lines: &Lines) -> bool {
     let at = |n: usize| lines.along[group[group.len() - n]];
     let step = lines.along[s] - at(1);
     step != 0.0 && (group.len() < 2 || step * (at(1) - at(2)) > 0.0)
+}
+
+/// Returns the median step within passes, whose positions are ascending.
+fn median_step(passes: &[Vec<f64>]) -> f64 {
+    let mut steps: Vec<f64> = passes.iter().flat_map(|p| p.windows(2).map(|w| w[1] - w[0])).collect();
+    steps.sort_by(f64::total_cmp);
+    steps.get(steps.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// Returns what a split leaves irregular; `None` if it does not separate passes. `faults` are those of the whole.
@@ -297,6 +316,11 @@ fn cost(groups: &[Vec<usize>], lines: &Lines, faults: usize) -> Option<usize> {
         reach = reach.max(*high);
         within
     });
+    // Where slices are missing, or a table has stepped on, attributes change, too.
+    let usual = median_step(&sorted);
+    if !overlap && ranges.windows(2).any(|w| w[1][0] - w[0][1] < LEAST_GAP * usual) {
+        return None;
+    }
     let left: usize = sorted.iter().map(|t| even::faults(t)).sum();
     let cost = left + count - 1;
     let separates = match overlap {

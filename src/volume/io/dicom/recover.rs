@@ -170,10 +170,30 @@ pub(super) fn resume(
     resumed.or_else(|| scan(bytes, at, form, (before, false), several))
 }
 
+/// Maximum number of places of pixel data that are looked at.
+const MOST_PIXELS: usize = 64;
+
 /// Finds the next sound element from `from`, after the tag `lost` (which is lost itself if so told).
 pub(super) fn scan(bytes: &[u8], from: usize, form: Form, lost: (Tag, bool), several: bool) -> Option<Resumed> {
-    let at = (from..bytes.len()).find(|at| sound(bytes, *at, bytes.len(), form, Some(lost.0)))?;
-    at_if_spared(bytes, at, form, lost, several)
+    let mut pixels = 0;
+    for at in from..bytes.len() {
+        if !plausible(bytes, at, bytes.len(), form, Some(lost.0), 2) {
+            continue;
+        }
+        let Some(h) = head(bytes, at, form) else { continue };
+        if is_pixels(h.tag) {
+            // Each of them is followed to its end.
+            pixels += 1;
+            if pixels > MOST_PIXELS {
+                return None;
+            }
+            if !is_last(bytes, &h, form) {
+                continue;
+            }
+        }
+        return at_if_spared(bytes, at, form, lost, several);
+    }
+    None
 }
 
 fn sound(bytes: &[u8], at: usize, limit: usize, form: Form, after: Option<Tag>) -> bool {

@@ -77,7 +77,7 @@ pub(crate) fn stack(input: &Path, mut slices: Vec<Slice>, progress: &Progress) -
     let along: Vec<f64> = slices.iter().map(|s| place(s).dot(normal)).collect();
     let layout = layout(input, &along);
     let regular = layout.as_ref().is_ok_and(|l| l.gaps.is_empty() && l.uneven.is_none());
-    if !regular && even::several(&along) {
+    if !regular && even::several(&along) && !is_numbered(&slices) {
         let why = "its slices lie as those of two or more passes, and no header tells the passes apart";
         return Err(Error::file(input, why, "export each pass as a series of its own"));
     }
@@ -143,6 +143,12 @@ pub(crate) struct Difference {
     what: &'static str,
     first: String,
     own: String,
+}
+
+/// True if the numbers of slices in spatial order rise or fall throughout: then one pass holds them all, however they lie.
+fn is_numbered(slices: &[Slice]) -> bool {
+    let numbers: Option<Vec<f64>> = slices.iter().map(|s| s.marks.instance).collect();
+    numbers.is_some_and(|n| n.windows(2).all(|w| w[0] < w[1]) || n.windows(2).all(|w| w[0] > w[1]))
 }
 
 /// Returns what keeps slice `b` out of the volume of slice `a`, whatever their positions.
