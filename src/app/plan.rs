@@ -374,7 +374,7 @@ pub fn first_attitude(volume: &PreparedVolume, start: DVec3, goal: DVec3) -> Att
 /// judged by them.
 pub fn no_colon(volume: &Volume, lumen: &Lumen) -> Error {
     if let Some(odd) = hounsfield::oddity(volume) {
-        return Error::incomplete("no colon found to fly through", odd.to_string(), "give a scan in HU");
+        return Error::incomplete("no colon found to fly through", odd.to_string(), odd.hint());
     }
     let found = lumen.found().unwrap_or_else(|| "no gas in the body that looks like a colon's".to_owned());
     let is_chest = lumen.landmarks.as_ref().is_some_and(|l| l.is_chest());

@@ -208,6 +208,9 @@ impl Scan {
         if let Some(former) = &self.former {
             cleanse::keep_ends(&mut found, former);
         }
+        if let Some(cleansed) = &self.cleansed {
+            found.measure_as_scanned(cleansed, &self.told, None);
+        }
         self.close_septa(&found);
         Ok(Arc::clone(self.lumen.insert(Arc::new(found))))
     }
@@ -240,21 +243,22 @@ impl Scan {
         let volume = self.volume.clone();
         let mut cleansed = self.timings.time("cleanse_s", || method(volume.voxels(), &found, &self.progress))?;
         drop(volume);
-        if !cleansed.changes.is_empty() {
-            self.change(&mut cleansed);
-            match self.lumen_without_tag(&found) {
-                Ok(lumen) => {
-                    self.close_septa(&lumen);
-                    self.lumen = Some(lumen);
-                }
-                Err(e) => {
-                    self.change(&mut cleansed);
-                    return Err(e);
-                }
-            }
-            self.without_tag = None;
+        if cleansed.changes.is_empty() {
+            return Ok(Arc::clone(self.cleansed.insert(Arc::new(cleansed))));
         }
-        Ok(Arc::clone(self.cleansed.insert(Arc::new(cleansed))))
+        self.change(&mut cleansed);
+        let mut lumen = match self.lumen_without_tag(&found) {
+            Ok(lumen) => lumen,
+            Err(e) => {
+                self.change(&mut cleansed);
+                return Err(e);
+            }
+        };
+        self.close_septa(&lumen);
+        let cleansed = Arc::new(cleansed);
+        lumen.measure_as_scanned(&cleansed, &self.told, Some(found));
+        (self.lumen, self.without_tag) = (Some(Arc::new(lumen)), None);
+        Ok(Arc::clone(self.cleansed.insert(cleansed)))
     }
 
     /// Exchanges the values of what was cleansed, and prepares the volume again.
@@ -264,12 +268,12 @@ impl Scan {
         self.timings.add("cleansed_flags_s", begun.elapsed().as_secs_f64());
     }
 
-    fn lumen_without_tag(&mut self, before: &Lumen) -> Result<Arc<Lumen>> {
+    fn lumen_without_tag(&mut self, before: &Lumen) -> Result<Lumen> {
         let find = || lumen::find_told(self.volume.voxels(), &self.told, &self.progress);
         let found = self.timings.time("cleansed_lumen_s", find);
         let mut lumen = found?;
         cleanse::keep_ends(&mut lumen, before);
-        Ok(Arc::new(lumen))
+        Ok(lumen)
     }
 
     /// Returns the volume and lumen for a flight whose guide flies through tagged fluid: those without tag.
@@ -425,6 +429,7 @@ mod tests {
     use glam::DMat3;
 
     use super::*;
+    use crate::fields::Along;
     use crate::volume::Grid;
 
     #[test]
@@ -440,6 +445,37 @@ mod tests {
         assert!(scan.lumen().unwrap().gas_ml() < before.gas_ml() - 1.0);
         scan.tell(Vec::new());
         assert!((scan.lumen().unwrap().gas_ml() - before.gas_ml()).abs() < 1.0);
+    }
+
+    /// Where tag is taken out, the line of the lumen is another, but the measure is that of the scan in its file.
+    #[test]
+    fn the_measure_along_the_colon_is_that_of_the_scan_as_it_was() {
+        let progress = Progress::new();
+        let phantom = Phantom::new(&PhantomSettings { fluid: true, ..PhantomSettings::embedded(1) });
+        let open = || Scan::of(phantom.voxelise(&phantom.grid(), &progress).unwrap(), &OpenOptions::default()).unwrap();
+        let along = |scan: &mut Scan| {
+            let lumen = scan.lumen().unwrap();
+            (lumen.along(scan.volume().voxels(), &progress).unwrap(), lumen)
+        };
+        let mut scan = open();
+        let (before, first) = along(&mut scan);
+        let told = vec![(first.segments[0].ends[0], lumen::GasKind::Stomach)];
+        scan.tell(told.clone());
+        let (told_before, _) = along(&mut scan);
+        assert_ne!(told_before.length_mm(), before.length_mm());
+        // Nothing asked for it before the tag was taken out.
+        let mut scan = open();
+        assert!(!scan.cleanse().unwrap().changes.is_empty());
+        let (now, lumen) = along(&mut scan);
+        let other = Along::new(scan.volume().voxels(), &lumen, &progress).unwrap();
+        assert_ne!(other.length_mm(), before.length_mm(), "the test needs a line that differs");
+        assert_eq!(now.length_mm(), before.length_mm());
+        for segment in &first.segments {
+            segment.way.iter().for_each(|&p| assert_eq!(now.of(p).map(|a| a.mm), before.of(p).map(|a| a.mm), "{p}"));
+        }
+        // Kinds that are given afterwards change it as they do in the scan with its tag.
+        scan.tell(told);
+        assert_eq!(along(&mut scan).0.length_mm(), told_before.length_mm());
     }
 
     #[test]

@@ -251,6 +251,7 @@ pub(crate) fn cleansed_lumen(
     let Some(mut lumen) = timings.time("cleansed_lumen_s", again)? else { return Ok((found, Some(cleansed))) };
     lumen.close_septa(volume);
     cleanse::keep_ends(&mut lumen, &found);
+    lumen.keep_along(&found);
     Ok((lumen, Some(cleansed)))
 }
 
@@ -265,7 +266,7 @@ pub(crate) fn around(volume: Volume, lumen: Lumen, beyond_mm: f64) -> (Volume, L
 /// The failure of a command that found no colon in a scan. Values that are no HU are named before what was found by them.
 pub(crate) fn no_lumen(volume: &Volume, lumen: &Lumen, hint: &str) -> Error {
     if let Some(odd) = hounsfield::oddity(volume) {
-        return Error::incomplete("volume", format!("no gas of a colon was found in it: {odd}"), "give a scan in HU");
+        return Error::incomplete("volume", format!("no gas of a colon was found in it: {odd}"), odd.hint());
     }
     let found = lumen.found().map_or_else(String::new, |f| format!(": {f}"));
     Error::incomplete("volume", format!("no gas of a colon was found in it{found}"), hint)

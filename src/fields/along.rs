@@ -9,11 +9,13 @@
 //! the line within [`NEAR_ALONG_MM`] of it.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use glam::{DVec3, I64Vec3, USizeVec3};
 
 use super::centerline::{self, Centerline, End};
-use super::lumen::{Lumen, Part};
+use super::cleanse::Cleansed;
+use super::lumen::{self, Lumen, Part, Told};
 use super::{Through, WallDistance, connection};
 use crate::error::Result;
 use crate::progress::Progress;
@@ -63,6 +65,31 @@ struct Line {
     mm: Vec<f64>,
     /// The segment at each point.
     segment: Vec<u32>,
+}
+
+/// A scan before its tag was taken out: the measure is that of the scan as it is in its file, whatever is shown.
+#[derive(Clone, Debug)]
+pub(super) struct AsScanned {
+    /// What was taken out. Its changes hold the values that the scan had.
+    pub cleansed: Arc<Cleansed>,
+    /// The kinds that the reader gave to gas.
+    pub told: Vec<Told>,
+    /// The lumen in it, if that is known.
+    pub lumen: Option<Arc<Lumen>>,
+}
+
+impl AsScanned {
+    /// Returns the measure, given the scan without tag.
+    pub(super) fn along(&self, volume: &Volume, progress: &Progress) -> Result<Arc<Along>> {
+        if let Some(known) = self.lumen.as_ref().and_then(|l| l.known_along()) {
+            return Ok(known);
+        }
+        let volume = self.cleansed.changes.applied(volume);
+        match &self.lumen {
+            Some(lumen) => lumen.along(&volume, progress),
+            None => lumen::find_told(&volume, &self.told, progress)?.along(&volume, progress),
+        }
+    }
 }
 
 impl Line {
@@ -246,8 +273,6 @@ impl Along {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use super::*;
     use crate::fields::lumen;
     use crate::phantom::{Phantom, PhantomSettings, Size};

@@ -14,6 +14,7 @@ mod target;
 pub mod voxels;
 pub(crate) mod wall;
 
+use along::AsScanned;
 pub use along::{Along, AlongColon};
 pub use centerline::{Centerline, CenterlineMethod};
 pub use clearance::{Clearance, ClearanceFinder, Clearances};

@@ -52,6 +52,11 @@ impl fmt::Display for Oddity {
 }
 
 impl Oddity {
+    /// What to do where a colon was asked for. Values without air may be HU, of a scan without gas.
+    pub(crate) fn hint(self) -> &'static str {
+        if self.is_clear() { "give a scan in HU" } else { "give a scan in HU, with gas in the colon" }
+    }
+
     /// True if the values are clearly no HU, not only without air.
     pub(crate) fn is_clear(self) -> bool {
         !matches!(self, Self::NoAir(..))

@@ -196,7 +196,6 @@ fn summed(left: impl Iterator<Item = Left>) -> Vec<Left> {
 /// Keeps the ends of a scan's segments in the lumen without tag, if their order from rectum to cecum was known. Where the fluid was,
 /// the lumen may lead on into bowel beyond them, which is not flown.
 pub(crate) fn keep_ends(cleansed: &mut Lumen, before: &Lumen) {
-    cleansed.keep_along(before);
     if !before.ordered {
         return;
     }

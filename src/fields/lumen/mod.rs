@@ -32,7 +32,8 @@ use std::sync::{Arc, OnceLock};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::Along;
+use super::cleanse::Cleansed;
+use super::{Along, AsScanned};
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
@@ -114,6 +115,8 @@ pub struct Lumen {
     septa: Vec<usize>,
     /// The measure along it, once something has asked for it.
     along: OnceLock<Arc<Along>>,
+    /// The scan in which that is measured, if its tag has been taken out since.
+    scanned: Option<AsScanned>,
 }
 
 /// A kind that the reader gave to the gas at a place (world, mm).
@@ -423,10 +426,12 @@ impl Lumen {
             other,
             septa: Vec::new(),
             along: OnceLock::new(),
+            scanned: None,
         }
     }
 
-    /// Returns the measure along this lumen, found in `volume`. The first call computes it.
+    /// Returns the measure along this lumen, found in `volume`. The first call computes it: in the scan as it was, if its tag has been
+    /// taken out, so that both tell the same.
     ///
     /// # Errors
     /// As [`Along::new`].
@@ -434,14 +439,31 @@ impl Lumen {
         if let Some(known) = self.along.get() {
             return Ok(Arc::clone(known));
         }
-        let found = Arc::new(Along::new(volume, self, progress)?);
-        Ok(Arc::clone(self.along.get_or_init(|| found)))
+        let found = match &self.scanned {
+            Some(scanned) => scanned.along(volume, progress)?.in_lumen(self),
+            None => Along::new(volume, self, progress)?,
+        };
+        Ok(Arc::clone(self.along.get_or_init(|| Arc::new(found))))
     }
 
-    /// Takes the measure along the lumen of the scan as it was, so that both tell the same.
-    pub(in crate::fields) fn keep_along(&self, before: &Self) {
+    /// Returns the measure along this lumen, if it has been computed.
+    pub(in crate::fields) fn known_along(&self) -> Option<Arc<Along>> {
+        self.along.get().cloned()
+    }
+
+    /// Takes the measure along the lumen of the scan as it was, so that both tell the same, if it has been computed.
+    pub(crate) fn keep_along(&self, before: &Self) {
         if let Some(along) = before.along.get() {
             self.along.get_or_init(|| Arc::new(along.in_lumen(self)));
+        }
+    }
+
+    /// Measures along the scan as it was before `cleansed` was taken out, once something asks for that. `told` are the kinds that the
+    /// reader gave to gas, and `before` is the lumen of the scan as it was, if that is known.
+    pub(crate) fn measure_as_scanned(&mut self, cleansed: &Arc<Cleansed>, told: &[Told], before: Option<Arc<Self>>) {
+        if !cleansed.changes.is_empty() {
+            let scanned = AsScanned { cleansed: Arc::clone(cleansed), told: told.to_vec(), lumen: before };
+            (self.along, self.scanned) = (OnceLock::new(), Some(scanned));
         }
     }
 
@@ -528,7 +550,8 @@ impl Lumen {
         let [gas, fluid] = [&self.gas, &self.fluid].map(|rows| rows.part(first, dims));
         // What is cut out of a scan has its septa closed.
         let septa = Vec::new();
-        Self { grid: self.grid.part(first, dims), gas, fluid, other: Rows::default(), septa, ..self }
+        let grid = self.grid.part(first, dims);
+        Self { grid, gas, fluid, other: Rows::default(), septa, scanned: None, ..self }
     }
 
     /// Returns the grid of the scan in which the lumen was found.

@@ -310,8 +310,9 @@ fn find(mut setup: Setup, is_new: bool, position: DVec3, progress: &Progress) ->
     let mut lumen = Arc::clone(&setup.lumen);
     if is_new {
         let mut found = lumen::find_told(&volume, &setup.told, progress)?;
-        if setup.cleansed.is_some() {
+        if let Some(cleansed) = &setup.cleansed {
             cleanse::keep_ends(&mut found, &setup.lumen);
+            found.measure_as_scanned(cleansed, &setup.told, None);
         }
         lumen = Arc::new(found);
     }

@@ -87,14 +87,19 @@ mod tests {
     use super::*;
     use crate::app::{FlightRequest, OpenOptions, Scan, Scene};
     use crate::host::window::controller::tests::{cockpit_of, trace};
-    use crate::phantom::Phantom;
+    use crate::phantom::{Phantom, PhantomSettings};
 
-    #[test]
-    fn the_bar_tells_the_place_that_lists_and_files_tell() {
+    /// A flight in a window, and the measure along its scan as that is in its file. `path` takes the tag out of it.
+    fn bar_of(guide: &'static str, fluid: bool) {
         let progress = Progress::new();
-        let mut scan = Scan::of(Phantom::embedded(&progress).unwrap(), &OpenOptions::default()).unwrap();
-        let scene = Scene { picture: true, ..Scene::guided_by("tentacles") };
-        let mut c = cockpit_of(scan.flight(scene, &FlightRequest::default()).unwrap(), 0.0, Vec::new());
+        let phantom = Phantom::new(&PhantomSettings { fluid, ..PhantomSettings::embedded(1) });
+        let open = || Scan::of(phantom.voxelise(&phantom.grid(), &progress).unwrap(), &OpenOptions::default()).unwrap();
+        let mut in_file = open();
+        let lumen = in_file.lumen().unwrap();
+        let along = lumen.along(in_file.volume().voxels(), &progress).unwrap();
+
+        let scene = Scene { picture: true, ..Scene::guided_by(guide) };
+        let mut c = cockpit_of(open().flight(scene, &FlightRequest::default()).unwrap(), 0.0, Vec::new());
         let begun = Instant::now();
         trace(&mut c, begun);
         while c.cleansing().is_waiting() {
@@ -108,11 +113,19 @@ mod tests {
             std::thread::sleep(Duration::from_millis(20));
             now = Instant::now();
         }
-        let setup = c.flight().setup();
-        let along =
-            setup.plan.gas.as_ref().unwrap_or(&setup.lumen).along(setup.volume.voxels(), &Progress::new()).unwrap();
         let at = along.of(c.flight().pose().position).unwrap();
         let [mm, length] = [at.mm, along.length_mm()].map(|mm| (mm / 10.0).round() * 10.0);
         assert_eq!(c.hud(now).place, format!("{}, {mm} of {length} mm", at.part.unwrap()));
+    }
+
+    #[test]
+    fn the_bar_tells_the_place_that_lists_and_files_tell() {
+        bar_of("tentacles", false);
+        bar_of("tentacles", true);
+    }
+
+    #[test]
+    fn the_bar_tells_the_place_in_the_scan_as_it_was_where_its_tag_is_taken_out() {
+        bar_of("path", true);
     }
 }

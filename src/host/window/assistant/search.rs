@@ -144,6 +144,8 @@ fn clean(input: Input, progress: &Progress) -> Result<Clean> {
     let again = |volume: &Volume| -> Result<Arc<Lumen>> {
         let mut found = lumen::find_told(volume, &told, progress)?;
         cleanse::keep_ends(&mut found, &known);
+        known.along(&scanned, progress)?;
+        found.keep_along(&known);
         Ok(Arc::new(found))
     };
     match tag {
