@@ -5,15 +5,16 @@
 //! of its own.
 //!
 //! A place belongs to the stretch of the line that is nearest *through the lumen*, not through a wall: every cell of the lumen (see
-//! [`centerline`]) takes the point of the line from which a flood reaches it first. The place is then that of the nearest point of
-//! the line within [`NEAR_ALONG_MM`] of it.
+//! [`centerline`]) takes the point of the line from which the way to it is shortest, and a place takes that of its nearest voxel's
+//! cell. It is then as far along as the nearest point of the line within [`NEAR_ALONG_MM`] of that one. Beside a thin wall between
+//! two limbs, or in a sharp bend, the nearest point in space may be another.
 
 use std::ops::Range;
 use std::sync::Arc;
 
-use glam::{DVec3, I64Vec3, USizeVec3};
+use glam::DVec3;
 
-use super::centerline::{self, Centerline, End};
+use super::centerline::{self, Centerline, End, NearestOnLines};
 use super::cleanse::Cleansed;
 use super::lumen::{self, Lumen, Part, Told};
 use super::{Through, WallDistance, connection};
@@ -23,10 +24,8 @@ use crate::volume::Volume;
 
 /// A place farther than this from the lumen is nowhere along it, mm.
 const NEAR_MM: f64 = 12.0;
-/// Side of the boxes in which cells are looked up, mm.
-const BOX_MM: f64 = 6.0;
 /// A place's point of the line is at most this far along it from that of its cell, mm.
-const NEAR_ALONG_MM: f64 = 40.0;
+const NEAR_ALONG_MM: f64 = 20.0;
 
 /// A place along the colon.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,14 +44,8 @@ pub struct AlongColon {
 #[derive(Clone, Debug, Default)]
 pub struct Along {
     lines: Vec<Line>,
-    /// Centre of each cell of the lumen (world mm), its line, and the point of the line that it belongs to. Those of one box follow
-    /// each other.
-    cells: Vec<(DVec3, u32, u32)>,
-    /// The lower corner of the boxes around all of them, world mm, and the number of boxes.
-    low: DVec3,
-    boxes: USizeVec3,
-    /// The first cell of each box, x fastest, and the number of cells.
-    first: Vec<u32>,
+    /// Which of their points each place of the lumen belongs to.
+    nearest: Option<NearestOnLines>,
     /// The parts along the line, if the order is known.
     parts: Vec<Part>,
 }
@@ -151,8 +144,8 @@ impl Along {
             _ => Vec::new(),
         };
         let points: Vec<&[DVec3]> = lines.iter().map(|l| &l.line.points[..]).collect();
-        let cells = centerline::nearest_through(&walls, &points, progress)?;
-        Ok(Self { parts, ..Self::boxed(lines, cells) })
+        let nearest = Some(NearestOnLines::new(&walls, &points, progress)?);
+        Ok(Self { lines, nearest, parts })
     }
 
     /// Finds a line through each segment.
@@ -174,59 +167,9 @@ impl Along {
         Ok(lines)
     }
 
-    /// Sorts the cells into boxes.
-    fn boxed(lines: Vec<Line>, mut cells: Vec<(DVec3, u32, u32)>) -> Self {
-        let low = cells.iter().fold(DVec3::INFINITY, |low, n| low.min(n.0));
-        let high = cells.iter().fold(DVec3::NEG_INFINITY, |high, n| high.max(n.0));
-        if cells.is_empty() {
-            return Self { lines, ..Self::default() };
-        }
-        let mut along = Self { lines, low, ..Self::default() };
-        along.boxes = along.place(high).as_usizevec3() + 1;
-        let index = |p: DVec3| along.index(along.place(p).as_usizevec3());
-        cells.sort_by_key(|n| index(n.0));
-        let mut first = vec![0; along.boxes.element_product() + 1];
-        cells.iter().for_each(|n| first[index(n.0) + 1] += 1);
-        for n in 1..first.len() {
-            first[n] += first[n - 1];
-        }
-        Self { cells, first, ..along }
-    }
-
-    /// Returns the box of a place, which may lie outside of all.
-    fn place(&self, world: DVec3) -> I64Vec3 {
-        ((world - self.low) / BOX_MM).floor().as_i64vec3()
-    }
-
-    fn index(&self, at: USizeVec3) -> usize {
-        at.x + self.boxes.x * (at.y + self.boxes.y * at.z)
-    }
-
-    /// Returns the cell nearest to a place (world, mm), within [`NEAR_MM`]: its line and the point of the line.
-    fn cell(&self, world: DVec3) -> Option<(u32, u32)> {
-        if self.first.is_empty() || !world.is_finite() {
-            return None;
-        }
-        let reach = (NEAR_MM / BOX_MM).ceil() as i64;
-        let at = self.place(world);
-        let side = |a: usize| {
-            let most = self.boxes[a] as i64;
-            at[a].saturating_sub(reach).clamp(0, most) as usize..at[a].saturating_add(reach + 1).clamp(0, most) as usize
-        };
-        let square = |n: &(DVec3, u32, u32)| n.0.distance_squared(world);
-        let rows = side(2).flat_map(|z| side(1).map(move |y| (y, z)));
-        let near = rows.flat_map(|(y, z)| {
-            let x = side(0);
-            let [from, to] = [x.start, x.end].map(|x| self.index(USizeVec3::new(x, y, z)));
-            &self.cells[self.first[from] as usize..self.first[to.max(from)] as usize]
-        });
-        let nearest = near.reduce(|a, b| if square(b) < square(a) { b } else { a })?;
-        (square(nearest) <= NEAR_MM * NEAR_MM).then_some((nearest.1, nearest.2))
-    }
-
     /// Returns where a place (world, mm) is along the colon; `None` if it is farther than 12 mm from the lumen.
     pub fn of(&self, world: DVec3) -> Option<AlongColon> {
-        let (line, point) = self.cell(world)?;
+        let (line, point) = self.nearest.as_ref()?.of(world, NEAR_MM)?;
         let own @ Line { line, mm, segment } = self.lines.get(line as usize)?;
         let about = *mm.get(point as usize)?;
         let window =
@@ -265,9 +208,7 @@ impl Along {
     /// Returns the size in memory, bytes.
     pub fn bytes(&self) -> usize {
         let line = |l: &Line| l.line.points.len() * (size_of::<DVec3>() + 2 * size_of::<f64>() + size_of::<u32>());
-        size_of_val(self.cells.as_slice())
-            + size_of_val(self.first.as_slice())
-            + self.lines.iter().map(line).sum::<usize>()
+        self.nearest.as_ref().map_or(0, NearestOnLines::bytes) + self.lines.iter().map(line).sum::<usize>()
     }
 }
 
@@ -330,11 +271,14 @@ mod tests {
         });
         let line = |y: f64| (10..110).map(|x| DVec3::new(f64::from(x), y, 15.0)).collect::<Vec<_>>();
         let (wide, narrow) = (line(20.0), line(39.0));
-        let cells = centerline::nearest_through(&walls, &[&wide, &narrow], &Progress::new()).unwrap();
-        assert!(cells.len() > 1000);
-        for (place, line, point) in cells {
-            assert_eq!(line, u32::from(place.y > 33.5), "{place}");
-            assert!((place.x - f64::from(point) - 10.0).abs() < 12.0, "{place}: {point}");
+        let nearest = NearestOnLines::new(&walls, &[&wide, &narrow], &Progress::new()).unwrap();
+        // Also right beside the wall, and in it, where the widest place of a cell of the other limb is nearer.
+        for (x, y) in (15..105).flat_map(|x| (8..44).map(move |y| (x, y))) {
+            let place = DVec3::new(f64::from(x), f64::from(y), 15.0);
+            let (line, point) = nearest.of(place, NEAR_MM).unwrap();
+            assert_eq!(line, u32::from(y > 33), "{place}");
+            assert!((place.x - f64::from(point) - 10.0).abs() < 6.0, "{place}: {point}");
         }
+        assert_eq!(nearest.of(DVec3::new(60.0, 20.0, 15.0 + 12.0 + NEAR_MM + 1.0), NEAR_MM), None);
     }
 }

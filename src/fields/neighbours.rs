@@ -76,6 +76,17 @@ impl Neighbours {
         self.dijkstra(from, None, cost).cost
     }
 
+    /// Returns for each node the start from which the least-cost path leads to it, if there is one.
+    pub(crate) fn roots(&self, from: &[(u32, f64)], cost: impl Fn(u32, u32) -> f64) -> Vec<Option<u32>> {
+        let Tree { before, settled, .. } = self.dijkstra(from, None, cost);
+        let mut roots = vec![None; before.len()];
+        for n in settled {
+            let b = before[n as usize];
+            roots[n as usize] = if b == n { Some(n) } else { roots[b as usize] };
+        }
+        roots
+    }
+
     /// Runs Dijkstra's algorithm over neighbours and their neighbours, so that a path may run diagonally through two
     /// cells. Ties go to the smaller node.
     fn dijkstra(&self, from: &[(u32, f64)], to: Option<u32>, step_cost: impl Fn(u32, u32) -> f64) -> Tree {
@@ -152,5 +163,9 @@ mod tests {
         assert_eq!(ways.before[3], 1, "over the dear node");
         assert_eq!(ways.length[4], 4.0);
         assert_eq!(map.costs(&[(0, 5.0), (4, 0.0)], apart), [4.0, 3.0, 2.0, 1.0, 0.0, f64::INFINITY]);
+        assert_eq!(
+            map.roots(&[(0, 2.0), (4, 0.0)], apart),
+            [0, 4, 4, 4, 4].map(Some).into_iter().chain([None]).collect::<Vec<_>>()
+        );
     }
 }

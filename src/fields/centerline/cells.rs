@@ -26,10 +26,17 @@ pub(in crate::fields) struct Node {
     pub clearance: f64,
 }
 
+impl Node {
+    /// Returns the first voxel of the cell, and those of its voxels that belong to the piece, x fastest.
+    pub(super) fn voxels(&self) -> ([i32; 3], u64) {
+        (self.corner, self.mask)
+    }
+}
+
 /// The shape of a cell: its sides, in voxels, are powers of two whose product is at most 64.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Shape {
-    side: [usize; 3],
+pub(super) struct Shape {
+    pub side: [usize; 3],
     /// For each axis, the cell's voxels on its first and on its last face.
     first: [u64; 3],
     last: [u64; 3],
@@ -60,7 +67,7 @@ impl Shape {
         self.side[..a].iter().product()
     }
 
-    fn offset(&self, bit: usize) -> [i64; 3] {
+    pub(super) fn offset(&self, bit: usize) -> [i64; 3] {
         [bit % self.side[0], bit / self.side[0] % self.side[1], bit / self.side[0] / self.side[1]].map(|x| x as i64)
     }
 
@@ -183,6 +190,17 @@ impl Cells {
             shared &= shared - 1;
         }
         false
+    }
+
+    /// Returns the shape of a cell, and the number of cells along each axis.
+    pub(super) fn shape(&self) -> (Shape, [usize; 3]) {
+        (self.shape, self.dims)
+    }
+
+    /// Returns for each node the start from which the way is shortest, if there is one. `starts` are nodes with what is added to
+    /// their ways, mm.
+    pub(super) fn roots(&self, starts: &[(u32, f64)]) -> Vec<Option<u32>> {
+        self.neighbours.roots(starts, |a, b| self.places[a as usize].distance(self.places[b as usize]))
     }
 
     /// Returns the nodes that share a face with node `n`.

@@ -22,7 +22,7 @@ use crate::error::{Error, Result};
 use crate::progress::Progress;
 use cells::Cells;
 
-pub(in crate::fields) use nearest::nearest_through;
+pub(in crate::fields) use nearest::NearestOnLines;
 pub(in crate::fields) use polyline::{length, smoothed, spaced};
 
 /// Distance between the line's points, mm.

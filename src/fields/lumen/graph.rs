@@ -4,6 +4,7 @@
 //! A plain coarse grid would join two loops whose common wall is thinner than a cell. Here a node is the part of *one*
 //! connected piece of gas within a cell, and two nodes are neighbours only if their voxels touch.
 
+use std::collections::HashMap;
 use std::ops::Range;
 
 use glam::DVec3;
@@ -67,22 +68,81 @@ impl Slice {
         &self.runs[self.offsets[j]..self.offsets[j + 1]]
     }
 
-    /// Cuts the runs at every `side` voxels and labels them with their number, counted from `first`.
-    fn cut(rows: &Rows, k: usize, side: u32, first: u32) -> Self {
+    /// Cuts the runs at the sides of cells and labels them with their number, counted from `first`. Only what lies in a cell for which
+    /// `takes` (x and y of the cell) is true is taken.
+    fn cut(rows: &Rows, k: usize, side: [usize; 3], first: u32, takes: impl Fn(usize, usize) -> bool) -> Self {
         let mut out = Self { runs: Vec::new(), offsets: vec![0] };
         for j in 0..rows.dims()[1] {
             for r in rows.row(j, k) {
-                let mut start = r.start;
-                while start < r.end {
-                    let end = ((start / side + 1) * side).min(r.end);
-                    out.runs.push(Run { start, end, label: first + out.runs.len() as u32 });
-                    start = end;
+                for x in by_cells(r.start..r.end, side[0]) {
+                    if takes(x.start as usize / side[0], j / side[1]) {
+                        out.runs.push(Run { start: x.start, end: x.end, label: first + out.runs.len() as u32 });
+                    }
                 }
             }
             out.offsets.push(out.runs.len());
         }
         out
     }
+}
+
+/// The nodes in each cell.
+#[derive(Debug)]
+pub(super) struct Cells {
+    /// Voxels along each side of a cell.
+    pub side: [usize; 3],
+    /// Cells along each axis.
+    pub dims: [usize; 3],
+    /// The first node of each cell, x fastest, or [`Cells::NONE`].
+    first: Vec<u32>,
+    /// The next node of the same cell for each node, or [`Cells::NONE`].
+    next: Vec<u32>,
+}
+
+impl Cells {
+    const NONE: u32 = u32::MAX;
+
+    /// Sorts the nodes of a map into cells. The mean of a node's voxels is inside its cell, by half a voxel at least.
+    fn of(grid: &Grid, nodes: &[Node]) -> Self {
+        let side = cell(grid);
+        let dims: [usize; 3] = std::array::from_fn(|a| grid.dims()[a].div_ceil(side[a]));
+        let first = vec![Self::NONE; dims.iter().product()];
+        let mut out = Self { side, dims, first, next: vec![Self::NONE; nodes.len()] };
+        for n in (0..nodes.len()).rev() {
+            let voxel = (grid.voxel(nodes[n].centre) + 0.5).to_array();
+            let cell = out.index([0, 1, 2].map(|a| (voxel[a].max(0.0) as usize / side[a]).min(dims[a] - 1)));
+            out.next[n] = std::mem::replace(&mut out.first[cell], n as u32);
+        }
+        out
+    }
+
+    /// Returns the linear index of a cell.
+    pub(crate) fn index(&self, [i, j, k]: [usize; 3]) -> usize {
+        i + self.dims[0] * (j + self.dims[1] * k)
+    }
+
+    /// Returns the nodes of a cell (linear index), ascending.
+    pub(crate) fn nodes(&self, cell: usize) -> impl Iterator<Item = u32> + '_ {
+        let follow = |n: u32| Some(n).filter(|&n| n != Self::NONE);
+        std::iter::successors(follow(self.first[cell]), move |&n| follow(self.next[n as usize]))
+    }
+
+    /// Returns the node of a cell (linear index) that has only one.
+    fn only(&self, cell: usize) -> Option<u32> {
+        let n = self.first[cell];
+        (n != Self::NONE && self.next[n as usize] == Self::NONE).then_some(n)
+    }
+}
+
+/// Cuts a range of x at the sides of cells of `side` voxels.
+pub(super) fn by_cells(x: Range<u32>, side: usize) -> impl Iterator<Item = Range<u32>> {
+    let side = side as u32;
+    let mut start = x.start;
+    std::iter::from_fn(move || {
+        let from = start;
+        start = ((from / side + 1) * side).min(x.end);
+        (from < x.end).then_some(from..start)
+    })
 }
 
 impl Graph {
@@ -148,47 +208,50 @@ impl Graph {
         (mm / longest).ceil() as u32
     }
 
+    /// Returns the nodes in each cell.
+    pub(crate) fn cells(&self, grid: &Grid) -> Cells {
+        Cells::of(grid, &self.nodes)
+    }
+
     /// Returns the runs that the map was made of, labelled with what `label` makes of the number of their node.
     ///
     /// # Errors
     /// Returns an error if cancelled, or if there are too many runs.
     pub(crate) fn labelled(
         &self,
-        grid: &Grid,
+        cells: &Cells,
         rows: &Rows,
-        label: impl Fn(u32) -> u32,
+        label: impl Fn(u32) -> u32 + Sync,
         progress: &Progress,
     ) -> Result<Rows> {
-        let side = cell(grid);
-        let dims @ [_, ny, nz] = rows.dims();
-        let mut out = Rows::from_slices(dims, Vec::new())?;
-        let mut base = 0;
-        for some in (0..nz.div_ceil(side[2])).collect::<Vec<_>>().chunks(SLABS) {
-            let slabs = some.par_iter().map(|s| {
+        let (side, dims) = (cells.side, rows.dims());
+        let slabs: Vec<Vec<Slice>> = (0..dims[2].div_ceil(side[2]))
+            .into_par_iter()
+            .map(|layer| {
                 progress.check()?;
-                Ok(slab_and_slices(rows, side, s * side[2]..((s + 1) * side[2]).min(nz)))
-            });
-            for (slab, slices) in slabs.collect::<Result<Vec<_>>>()? {
-                for slice in slices {
-                    let mut runs: Vec<Run> = Vec::with_capacity(slice.runs.len());
-                    let mut lengths = Vec::with_capacity(ny);
-                    for j in 0..ny {
-                        let before = runs.len();
-                        for r in slice.row(j) {
-                            let label = label(base + r.label);
-                            match runs[before..].last_mut() {
-                                Some(last) if last.end == r.start && last.label == label => last.end = r.end,
-                                _ => runs.push(Run { label, ..*r }),
-                            }
-                        }
-                        lengths.push((runs.len() - before) as u32);
+                Ok(shared_cells(rows, cells, layer))
+            })
+            .collect::<Result<_>>()?;
+        Rows::gather(dims, |k| {
+            let shared = &slabs[k / side[2]][k % side[2]];
+            let (mut runs, mut lengths): (Vec<Run>, _) = (Vec::new(), Vec::with_capacity(dims[1]));
+            for j in 0..dims[1] {
+                let before = runs.len();
+                let mut shared = shared.row(j).iter();
+                let row = cells.index([0, j / side[1], k / side[2]]);
+                for x in rows.row(j, k).iter().flat_map(|r| by_cells(r.start..r.end, side[0])) {
+                    let only = cells.only(row + x.start as usize / side[0]);
+                    let Some(node) = only.or_else(|| shared.next().map(|r| r.label)) else { continue };
+                    let label = label(node);
+                    match runs[before..].last_mut() {
+                        Some(last) if last.end == x.start && last.label == label => last.end = x.end,
+                        _ => runs.push(Run { start: x.start, end: x.end, label }),
                     }
-                    out.append((lengths, runs))?;
                 }
-                base += slab.sums.len() as u32;
+                lengths.push((runs.len() - before) as u32);
             }
-        }
-        Ok(out)
+            Ok((lengths, runs))
+        })
     }
 
     pub(crate) fn neighbours(&self, n: u32) -> &[u32] {
@@ -226,52 +289,32 @@ pub(super) fn cell(grid: &Grid) -> [usize; 3] {
 
 /// Returns the layer of cells that consists of the slices `ks`.
 fn slab(rows: &Rows, side: [usize; 3], ks: Range<usize>) -> Slab {
-    let (slab, _) = slab_and_slices(rows, side, ks);
-    slab
-}
-
-/// Same as [`slab`], with all its slices, whose runs are labelled with the slab's nodes.
-fn slab_and_slices(rows: &Rows, side: [usize; 3], ks: Range<usize>) -> (Slab, Vec<Slice>) {
     let ny = rows.dims()[1];
-    let mut slices: Vec<Slice> = Vec::with_capacity(ks.len());
-    let mut count = 0;
-    for k in ks.clone() {
-        slices.push(Slice::cut(rows, k, side[0] as u32, count));
-        count += slices[slices.len() - 1].runs.len() as u32;
-    }
-    let mut sets = Sets::new(count as usize);
+    let mut slices = cut_all(rows, side, ks.clone(), |_, _| true);
     let mut contacts: Vec<(u32, u32)> = Vec::new();
-    for (n, slice) in slices.iter().enumerate() {
+    for slice in &slices {
         for j in 0..ny {
-            let here = slice.row(j);
-            contacts.extend(here.windows(2).filter(|w| w[0].end == w[1].start).map(|w| (w[0].label, w[1].label)));
-            // Runs were cut at cell sides, so two that share an x are in the same column of cells.
-            if n > 0 {
-                let other = slices[n - 1].row(j);
-                touching(other, here, |a, b| sets.join(other[a].label, here[b].label));
-            }
-            if j > 0 {
-                let other = slice.row(j - 1);
-                let same = (j - 1) / side[1] == j / side[1];
-                touching(other, here, |a, b| {
-                    let (a, b) = (other[a].label, here[b].label);
-                    if same { sets.join(a, b) } else { contacts.push((a, b)) }
-                });
-            }
+            let touch = slice.row(j).windows(2).filter(|w| w[0].end == w[1].start);
+            contacts.extend(touch.map(|w| (w[0].label, w[1].label)));
         }
     }
-    let (node, nodes) = sets.numbered();
+    let (node, nodes) = connected(&slices, side, |a, b| contacts.push((a, b)));
     let mut sums: Vec<Sum> = vec![(DVec3::ZERO, 0, 0); nodes];
     for (k, slice) in ks.zip(&mut slices) {
         for j in 0..ny {
+            let mut whole = rows.row(j, k).iter();
+            let mut of = whole.next();
             for n in slice.offsets[j]..slice.offsets[j + 1] {
                 let run = &mut slice.runs[n];
+                while of.is_some_and(|r| r.end <= run.start) {
+                    of = whole.next();
+                }
                 run.label = node[run.label as usize];
                 let sum = &mut sums[run.label as usize];
                 let middle = f64::from(run.start + run.end - 1) / 2.0;
                 sum.0 += DVec3::new(middle, j as f64, k as f64) * f64::from(run.len());
                 sum.1 += run.len();
-                sum.2 = rows.find(i64::from(run.start), j as i64, k as i64).map_or(0, |r| r.label);
+                sum.2 = of.map_or(0, |r| r.label);
             }
         }
     }
@@ -282,6 +325,125 @@ fn slab_and_slices(rows: &Rows, side: [usize; 3], ks: Range<usize>) -> (Slab, Ve
         .collect();
     links.sort_unstable();
     links.dedup();
-    let faces = [slices.first(), slices.last()].map(|s| s.cloned().unwrap_or_default());
-    (Slab { sums, links, faces }, slices)
+    let last = if slices.len() > 1 { slices.pop() } else { slices.first().cloned() };
+    let faces = [slices.into_iter().next(), last].map(Option::unwrap_or_default);
+    Slab { sums, links, faces }
+}
+
+/// Returns the cut runs of the slices `ks`, numbered through (see [`Slice::cut`]).
+fn cut_all(rows: &Rows, side: [usize; 3], ks: Range<usize>, takes: impl Fn(usize, usize) -> bool) -> Vec<Slice> {
+    let mut count = 0;
+    ks.map(|k| {
+        let slice = Slice::cut(rows, k, side, count, &takes);
+        count += slice.runs.len() as u32;
+        slice
+    })
+    .collect()
+}
+
+/// Returns the piece of gas within its cell that each cut run of a layer of cells belongs to, in the order of their first runs, and
+/// their number. Calls `contact` with each two runs of neighbouring cells in a slice that touch along y.
+fn connected(slices: &[Slice], side: [usize; 3], mut contact: impl FnMut(u32, u32)) -> (Vec<u32>, usize) {
+    let mut sets = Sets::new(slices.iter().map(|s| s.runs.len()).sum());
+    for (n, slice) in slices.iter().enumerate() {
+        for j in 0..slice.offsets.len() - 1 {
+            let here = slice.row(j);
+            // Runs were cut at cell sides, so two that share an x are in the same column of cells.
+            if n > 0 {
+                let other = slices[n - 1].row(j);
+                touching(other, here, |a, b| sets.join(other[a].label, here[b].label));
+            }
+            if j > 0 {
+                let other = slice.row(j - 1);
+                let same = (j - 1) / side[1] == j / side[1];
+                touching(other, here, |a, b| {
+                    let (a, b) = (other[a].label, here[b].label);
+                    if same { sets.join(a, b) } else { contact(a, b) }
+                });
+            }
+        }
+    }
+    sets.numbered()
+}
+
+/// Returns the runs of a layer of cells that lie in cells of several nodes, labelled with their nodes.
+fn shared_cells(rows: &Rows, cells: &Cells, layer: usize) -> Vec<Slice> {
+    let (side, [_, ny, nz]) = (cells.side, rows.dims());
+    let cell = |i: usize, j: usize| cells.index([i, j, layer]);
+    let ks = layer * side[2]..((layer + 1) * side[2]).min(nz);
+    let mut slices = cut_all(rows, side, ks, |i, j| cells.only(cell(i, j)).is_none());
+    let (piece, count) = connected(&slices, side, |_, _| {});
+    // Pieces and nodes of a cell are both in the order of their first runs.
+    let mut node = vec![Cells::NONE; count];
+    let mut taken: HashMap<usize, u32> = HashMap::new();
+    for slice in &mut slices {
+        for j in 0..ny {
+            for n in slice.offsets[j]..slice.offsets[j + 1] {
+                let run = &mut slice.runs[n];
+                let own = &mut node[piece[run.label as usize] as usize];
+                if *own == Cells::NONE {
+                    let cell = cell(run.start as usize / side[0], j / side[1]);
+                    let next = taken.get(&cell).map_or(cells.first[cell], |&last| cells.next[last as usize]);
+                    taken.insert(cell, next);
+                    *own = next;
+                }
+                run.label = *own;
+            }
+        }
+    }
+    slices
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DMat3;
+
+    use super::*;
+    use crate::math::hash;
+
+    /// Gas with walls through many cells, and single voxels.
+    fn speckled() -> (Grid, Rows) {
+        let grid = Grid::new([61, 40, 33], DVec3::new(0.8, 0.9, 1.3), DVec3::ONE, DMat3::IDENTITY).unwrap();
+        let rows = Rows::gather([61, 40, 33], |k| {
+            let (mut runs, mut lengths): (Vec<Run>, Vec<u32>) = Default::default();
+            for j in 0..40 {
+                let before = runs.len();
+                for i in 0..61 {
+                    let random = hash::uniform(7, grid.index(i, j, k) as u64);
+                    let is_gas = (i % 9 != 3 && j % 11 != 5 && k % 13 != 6 && random > 0.05) || random > 0.9;
+                    match runs[before..].last_mut() {
+                        Some(last) if is_gas && last.end == i as u32 => last.end += 1,
+                        _ if is_gas => runs.push(Run { start: i as u32, end: i as u32 + 1, label: 0 }),
+                        _ => {}
+                    }
+                }
+                lengths.push((runs.len() - before) as u32);
+            }
+            Ok((lengths, runs))
+        });
+        (grid, rows.unwrap())
+    }
+
+    #[test]
+    fn every_voxel_is_labelled_with_its_own_node() {
+        let progress = Progress::new();
+        let (grid, rows) = speckled();
+        let graph = Graph::of(&grid, &rows, &progress).unwrap();
+        let cells = graph.cells(&grid);
+        assert!((0..cells.dims.iter().product()).filter(|&c| cells.nodes(c).count() > 1).count() > 100);
+        let labelled = graph.labelled(&cells, &rows, |n| n, &progress).unwrap();
+        let mut sums = vec![(DVec3::ZERO, 0); graph.nodes.len()];
+        for (j, k, r) in labelled.iter() {
+            for i in r.range() {
+                let sum = &mut sums[r.label as usize];
+                *sum = (sum.0 + grid.world(DVec3::new(i as f64, j as f64, k as f64)), sum.1 + 1);
+            }
+        }
+        for (node, (sum, voxels)) in graph.nodes.iter().zip(sums) {
+            assert_eq!(node.voxels, voxels);
+            assert!(node.centre.distance(sum / f64::from(voxels)) < 1e-9);
+        }
+        // With one label the runs are those that the map was made of.
+        assert_eq!(graph.labelled(&cells, &rows, |_| 0, &progress).unwrap(), rows);
+    }
 }

@@ -36,7 +36,7 @@ pub(super) fn lumen(volume: &Volume, core: Core, told: &[Told], frame: Frame, pr
     };
     let is_divided = former.len() > core.count;
     let rows = match is_divided {
-        true => graph.labelled(grid, &core.rows, |n| graph.nodes[n as usize].label, progress)?,
+        true => graph.labelled(&graph.cells(grid), &core.rows, |n| graph.nodes[n as usize].label, progress)?,
         false => core.rows,
     };
     let core = Core { rows, count: former.len(), septa: core.septa, hiding: core.hiding };

@@ -3,6 +3,7 @@
 
 use super::grown::{Grown, Hop};
 use crate::fields::lumen::fluid::Fluid;
+use crate::fields::lumen::graph::by_cells;
 use crate::fields::lumen::runs::{Run, touching};
 use crate::volume::Grid;
 
@@ -61,7 +62,7 @@ impl Grown {
             touching(pools, own, |a, b| {
                 let (pool, gas) = (pools[a], own[b]);
                 let both = pool.start.max(gas.start)..pool.end.min(gas.end);
-                for x in self.places.by_cells(both) {
+                for x in by_cells(both, self.places.cells.side[0]) {
                     if far(gas, pool, x.start) {
                         out.extend(x.map(|x| row + x as usize));
                     }

@@ -78,7 +78,7 @@ impl Grown {
             }
             number[node as usize] = hops.len() as u32 - 1;
         }
-        let parts = graph.labelled(grid, core, |node| number[node as usize], progress)?;
+        let parts = graph.labelled(&places.cells, core, |node| number[node as usize], progress)?;
         let parts = grow(volume, parts, GAS_HU, GROWTH, progress)?;
         Ok(Self { parts, hops, labels, places, far, hiding })
     }
@@ -99,6 +99,12 @@ impl Grown {
             let (mut sure, mut pieces) = (Vec::new(), Vec::new());
             for j in 0..ny {
                 let own = self.parts.row(j, k);
+                if let Some((fluid, levels)) = &fluid {
+                    self.beside_fluid(grid, fluid, levels, [j, k], &mut sure);
+                }
+                if own.iter().all(|r| self.hops[r.label as usize].is_none()) {
+                    continue;
+                }
                 let row = grid.index(0, j, k);
                 let mut meet = |a: usize, b: usize, x: Run, y: Run| {
                     // Of equal values, the later voxel.
@@ -124,9 +130,6 @@ impl Grown {
                     });
                 }
                 self.across_corners(volume, [j, k], &mut sure);
-                if let Some((fluid, levels)) = &fluid {
-                    self.beside_fluid(grid, fluid, levels, [j, k], &mut sure);
-                }
             }
             Ok((sure, pieces))
         });

@@ -16,6 +16,8 @@ mod grown;
 mod places;
 mod ridges;
 
+use rayon::prelude::*;
+
 use super::choose::BUBBLE_ML;
 use super::graph::Graph;
 use super::runs::{Rows, Run};
@@ -125,14 +127,22 @@ pub(super) fn without(rows: &Rows, voxels: &[usize]) -> Rows {
 /// Returns the standard deviation of the noise in the gas, HU: from the median difference of neighbours along x.
 fn noise_hu(volume: &Volume, core: &Rows) -> f64 {
     const MOST: usize = 512;
-    let mut counts = [0u64; MOST + 1];
-    for (j, k, r) in core.iter().filter(|(j, k, r)| (j + k) % 4 == 0 && r.len() > 12) {
-        let row = &volume.data()[volume.grid().index(0, j, k)..][r.range()];
-        // Away from the walls.
-        for pair in row[4..row.len() - 4].windows(2).step_by(2) {
-            counts[(i32::from(pair[0]) - i32::from(pair[1])).unsigned_abs().min(MOST as u32) as usize] += 1;
+    let [_, ny, nz] = core.dims();
+    let slice = |mut counts: Vec<u64>, k: usize| {
+        for j in (0..ny).filter(|j| (j + k) % 4 == 0) {
+            for r in core.row(j, k).iter().filter(|r| r.len() > 12) {
+                let row = &volume.data()[volume.grid().index(0, j, k)..][r.range()];
+                // Away from the walls.
+                for pair in row[4..row.len() - 4].windows(2).step_by(2) {
+                    counts[(i32::from(pair[0]) - i32::from(pair[1])).unsigned_abs().min(MOST as u32) as usize] += 1;
+                }
+            }
         }
-    }
+        counts
+    };
+    let none = || vec![0u64; MOST + 1];
+    let sum = |a: Vec<u64>, b: Vec<u64>| a.into_iter().zip(b).map(|(a, b)| a + b).collect();
+    let counts = (0..nz).into_par_iter().fold(none, slice).reduce(none, sum);
     let half = counts.iter().sum::<u64>() / 2;
     let mut sum = 0;
     let median = counts.iter().position(|&n| {
