@@ -4,20 +4,18 @@
 //! A plain coarse grid would join two loops whose common wall is thinner than a cell. Here a node is the part of *one*
 //! connected piece of gas within a cell, and two nodes are neighbours only if their voxels touch.
 
-use std::collections::HashMap;
 use std::ops::Range;
 
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::cells::{CELL_MM, Cells, by_cells, cell};
 use super::runs::{Rows, Run, Sets, touching};
 use crate::error::Result;
 use crate::fields::neighbours::{Neighbours, Ways};
 use crate::progress::Progress;
 use crate::volume::Grid;
 
-/// Minimum side of a cell, mm.
-const CELL_MM: f64 = 4.0;
 /// Number of cell layers made at a time: their cut runs are many times as large as the result.
 const SLABS: usize = 8;
 /// Clearance at which narrowness begins to add cost, mm: a path costs its length times 1 + (this / clearance)².
@@ -84,65 +82,6 @@ impl Slice {
         }
         out
     }
-}
-
-/// The nodes in each cell.
-#[derive(Debug)]
-pub(super) struct Cells {
-    /// Voxels along each side of a cell.
-    pub side: [usize; 3],
-    /// Cells along each axis.
-    pub dims: [usize; 3],
-    /// The first node of each cell, x fastest, or [`Cells::NONE`].
-    first: Vec<u32>,
-    /// The next node of the same cell for each node, or [`Cells::NONE`].
-    next: Vec<u32>,
-}
-
-impl Cells {
-    const NONE: u32 = u32::MAX;
-
-    /// Sorts the nodes of a map into cells. The mean of a node's voxels is inside its cell, by half a voxel at least.
-    fn of(grid: &Grid, nodes: &[Node]) -> Self {
-        let side = cell(grid);
-        let dims: [usize; 3] = std::array::from_fn(|a| grid.dims()[a].div_ceil(side[a]));
-        let first = vec![Self::NONE; dims.iter().product()];
-        let mut out = Self { side, dims, first, next: vec![Self::NONE; nodes.len()] };
-        for n in (0..nodes.len()).rev() {
-            let voxel = (grid.voxel(nodes[n].centre) + 0.5).to_array();
-            let cell = out.index([0, 1, 2].map(|a| (voxel[a].max(0.0) as usize / side[a]).min(dims[a] - 1)));
-            out.next[n] = std::mem::replace(&mut out.first[cell], n as u32);
-        }
-        out
-    }
-
-    /// Returns the linear index of a cell.
-    pub(crate) fn index(&self, [i, j, k]: [usize; 3]) -> usize {
-        i + self.dims[0] * (j + self.dims[1] * k)
-    }
-
-    /// Returns the nodes of a cell (linear index), ascending.
-    pub(crate) fn nodes(&self, cell: usize) -> impl Iterator<Item = u32> + '_ {
-        let follow = |n: u32| Some(n).filter(|&n| n != Self::NONE);
-        std::iter::successors(follow(self.first[cell]), move |&n| follow(self.next[n as usize]))
-    }
-
-    /// Returns the node of a cell (linear index) that has only one.
-    fn only(&self, cell: usize) -> Option<u32> {
-        let n = self.first[cell];
-        (n != Self::NONE && self.next[n as usize] == Self::NONE).then_some(n)
-    }
-}
-
-/// Cuts a range of x at the sides of cells of `side` voxels.
-pub(super) fn by_cells(x: Range<u32>, side: usize) -> impl Iterator<Item = Range<u32>> {
-    let side = side as u32;
-    let mut start = x.start;
-    std::iter::from_fn(move || {
-        let from = start;
-        start = ((from / side + 1) * side).min(x.end);
-        (from < x.end).then_some(from..start)
-    })
 }
 
 impl Graph {
@@ -282,11 +221,6 @@ impl Graph {
     }
 }
 
-/// Returns the voxels along each side of a cell.
-pub(super) fn cell(grid: &Grid) -> [usize; 3] {
-    std::array::from_fn(|a| ((CELL_MM / grid.spacing()[a]).ceil() as usize).max(1))
-}
-
 /// Returns the layer of cells that consists of the slices `ks`.
 fn slab(rows: &Rows, side: [usize; 3], ks: Range<usize>) -> Slab {
     let ny = rows.dims()[1];
@@ -375,17 +309,16 @@ fn shared_cells(rows: &Rows, cells: &Cells, layer: usize) -> Vec<Slice> {
     let (piece, count) = connected(&slices, side, |_, _| {});
     // Pieces and nodes of a cell are both in the order of their first runs.
     let mut node = vec![Cells::NONE; count];
-    let mut taken: HashMap<usize, u32> = HashMap::new();
+    let mut open = cells.first_of_layer(layer).to_vec();
     for slice in &mut slices {
         for j in 0..ny {
             for n in slice.offsets[j]..slice.offsets[j + 1] {
                 let run = &mut slice.runs[n];
                 let own = &mut node[piece[run.label as usize] as usize];
                 if *own == Cells::NONE {
-                    let cell = cell(run.start as usize / side[0], j / side[1]);
-                    let next = taken.get(&cell).map_or(cells.first[cell], |&last| cells.next[last as usize]);
-                    taken.insert(cell, next);
-                    *own = next;
+                    let next = &mut open[run.start as usize / side[0] + cells.dims[0] * (j / side[1])];
+                    *own = *next;
+                    *next = cells.next(*next);
                 }
                 run.label = *own;
             }

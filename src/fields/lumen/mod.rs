@@ -5,6 +5,7 @@
 //! are recognised by position and texture (see `choose`). Everything is stored as runs along the index x axis, so no
 //! field of the volume's size is created.
 
+mod cells;
 mod choose;
 mod ends;
 mod fluid;

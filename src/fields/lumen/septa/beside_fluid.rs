@@ -2,8 +2,8 @@
 //! lies between them.
 
 use super::grown::{Grown, Hop};
+use crate::fields::lumen::cells::by_cells;
 use crate::fields::lumen::fluid::Fluid;
-use crate::fields::lumen::graph::by_cells;
 use crate::fields::lumen::runs::{Run, touching};
 use crate::volume::Grid;
 

@@ -129,7 +129,7 @@ fn noise_hu(volume: &Volume, core: &Rows) -> f64 {
     const MOST: usize = 512;
     let [_, ny, nz] = core.dims();
     let slice = |mut counts: Vec<u64>, k: usize| {
-        for j in (0..ny).filter(|j| (j + k) % 4 == 0) {
+        for j in (0..ny).filter(|j| (j + k).is_multiple_of(4)) {
             for r in core.row(j, k).iter().filter(|r| r.len() > 12) {
                 let row = &volume.data()[volume.grid().index(0, j, k)..][r.range()];
                 // Away from the walls.

@@ -5,7 +5,8 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::grown::Hop;
-use crate::fields::lumen::graph::{Cells, Graph};
+use crate::fields::lumen::cells::Cells;
+use crate::fields::lumen::graph::Graph;
 use crate::volume::Grid;
 
 /// The nodes of a map of the gas, by cell.
