@@ -36,22 +36,48 @@ pub trait Presenter: Any {
     }
 }
 
-/// The presenters, with the entities whose pictures they take. A resource of the world that stays on its thread.
+/// The presenters of each view: any number, each of which gets every picture. A resource of the world that stays on its thread.
 #[derive(Default)]
-pub struct Presenters(Vec<(Entity, Box<dyn Presenter>)>);
+pub struct Presenters(Vec<Presented>);
+
+/// A presenter with the view whose pictures it takes.
+struct Presented {
+    view: Entity,
+    presenter: Box<dyn Presenter>,
+    /// True for one of a plug-in.
+    is_plugged: bool,
+}
+
+impl Presented {
+    /// True if it is a `P` for `view`.
+    fn is<P: Presenter>(&self, view: Entity) -> bool {
+        let any: &dyn Any = &*self.presenter;
+        self.view == view && any.is::<P>()
+    }
+}
 
 impl Presenters {
+    /// Returns the place of the `P` of a view. That of the host comes before those of plug-ins.
+    fn position<P: Presenter>(&self, view: Entity) -> Option<usize> {
+        self.0.iter().position(|p| p.is::<P>(view))
+    }
+
     fn get_mut<P: Presenter>(&mut self, view: Entity) -> Option<&mut P> {
-        let (_, presenter) = self.0.iter_mut().find(|(e, _)| *e == view)?;
-        let any: &mut dyn Any = &mut **presenter;
+        let at = self.position::<P>(view)?;
+        let any: &mut dyn Any = &mut *self.0[at].presenter;
         any.downcast_mut()
     }
 
     fn take<P: Presenter>(&mut self, view: Entity) -> Option<P> {
-        self.get_mut::<P>(view)?;
-        let at = self.0.iter().position(|(e, _)| *e == view)?;
-        let any: Box<dyn Any> = self.0.remove(at).1;
+        let at = self.position::<P>(view)?;
+        let any: Box<dyn Any> = self.0.remove(at).presenter;
         any.downcast().ok().map(|p| *p)
+    }
+
+    /// Adds a presenter: after those of views before its own, and in that after those that are there.
+    fn add(&mut self, added: Presented) {
+        self.0.push(added);
+        self.0.sort_by_key(|p| (p.view.index_u32(), p.is_plugged));
     }
 }
 
@@ -65,48 +91,56 @@ pub fn plugin(app: &mut App) -> Result<()> {
     Ok(())
 }
 
-/// Returns the presenter of a view, if it is a `P`.
+/// Returns the presenter of a view that is a `P`, if there is one.
 pub fn presenter<P: Presenter>(app: &mut App, view: Entity) -> Option<Mut<'_, P>> {
     let presenters = app.world.get_non_send_mut::<Presenters>()?;
     presenters.filter_map_unchanged(|p| p.get_mut(view))
 }
 
-/// Removes and returns the presenter of a view, if it is a `P`.
+/// Removes and returns the presenter of a view that is a `P`, if there is one.
 pub fn take<P: Presenter>(app: &mut App, view: Entity) -> Option<P> {
     app.world.get_non_send_mut::<Presenters>()?.take(view)
 }
 
-/// Passes a view's picture to its presenter again, outside a frame: for a new overlay.
+/// Passes a view's picture to its presenters again, outside a frame: for a new overlay.
 pub fn present_again(app: &mut App, view: Entity) {
     let Some(mut presenters) = app.world.remove_non_send::<Presenters>() else { return };
     if let Some(picture) = app.world.get::<Picture>(view) {
-        presenters.0.retain_mut(|(e, presenter)| *e != view || presents(&mut **presenter, picture));
+        presenters.0.retain_mut(|p| p.view != view || presents(&mut *p.presenter, picture));
     }
     app.world.insert_non_send(presenters);
 }
 
-/// Sets the presenter of a view's pictures, replacing any previous one.
+/// Sets the presenter of a view's pictures that is a `P`, beside all others. A previous one of this type is replaced, unless it is
+/// that of a plug-in.
 ///
 /// A presenter stays on the thread that calls this function; plug-ins use [`plug`].
-pub fn hand_to(app: &mut App, view: Entity, presenter: impl Presenter) {
-    hand_over(app, view, Box::new(presenter));
+pub fn hand_to<P: Presenter>(app: &mut App, view: Entity, presenter: P) {
+    let mut presenters = presenters(app);
+    presenters.0.retain(|p| p.is_plugged || !p.is::<P>(view));
+    presenters.add(Presented { view, presenter: Box::new(presenter), is_plugged: false });
 }
 
-fn hand_over(app: &mut App, view: Entity, presenter: Box<dyn Presenter>) {
+fn presenters(app: &mut App) -> Mut<'_, Presenters> {
     if !app.world.contains_non_send::<Presenters>() {
         app.world.insert_non_send(Presenters::default());
     }
-    let mut presenters = app.world.non_send_mut::<Presenters>();
-    presenters.0.retain(|(e, _)| *e != view);
-    presenters.0.push((view, presenter));
-    presenters.0.sort_by_key(|(e, _)| e.index_u32());
+    app.world.non_send_mut::<Presenters>()
+}
+
+/// Hands the presenters of a former camera on to the camera that has taken its place.
+pub fn hand_on(app: &mut App, former: Entity) {
+    let camera = app.camera_id();
+    if let Some(mut presenters) = app.world.get_non_send_mut::<Presenters>() {
+        presenters.0.iter_mut().filter(|p| p.view == former).for_each(|p| p.view = camera);
+    }
 }
 
 /// Presenters of plug-ins that wait for the thread that runs frames to take them over.
 #[derive(Resource)]
 pub struct Waiting(Mutex<Vec<(Entity, Box<dyn Presenter + Send>)>>);
 
-/// Sets the presenter of a view from within a plug-in.
+/// Adds a presenter to a view from within a plug-in, beside all others: it takes the pictures from none of them.
 ///
 /// The presenter may be created on another thread than the one that runs frames, and moves there with the first frame.
 pub fn plug(app: &mut App, view: Entity, presenter: impl Presenter + Send) {
@@ -118,11 +152,11 @@ pub fn plug(app: &mut App, view: Entity, presenter: impl Presenter + Send) {
 pub fn take_over(app: &mut App) {
     let Some(waiting) = app.world.remove_resource::<Waiting>() else { return };
     for (view, presenter) in waiting.0.into_inner().unwrap_or_else(PoisonError::into_inner) {
-        hand_over(app, view, presenter);
+        presenters(app).add(Presented { view, presenter, is_plugged: true });
     }
 }
 
-/// Passes each view's picture to its presenter, in the order of the entities.
+/// Passes each view's picture to its presenters, in the order of the entities.
 pub fn present_pictures(
     presenters: Option<NonSendMut<Presenters>>,
     pictures: Query<&Picture>,
@@ -130,12 +164,12 @@ pub fn present_pictures(
 ) {
     let Some(mut presenters) = presenters else { return };
     for (entity, slice) in slices.iter().filter(|s| s.1.made) {
-        presenters.0.retain_mut(|(_, presenter)| {
+        presenters.0.retain_mut(|Presented { presenter, .. }| {
             let taken = panics::catch(|| presenter.beside(entity, &slice.frame));
             taken.inspect_err(|why| report_fault(format!("presenter {}", presenter.name()), why.as_str())).is_ok()
         });
     }
-    presenters.0.retain_mut(|(view, presenter)| pictures.get(*view).map_or(true, |p| presents(&mut **presenter, p)));
+    presenters.0.retain_mut(|p| pictures.get(p.view).map_or(true, |picture| presents(&mut *p.presenter, picture)));
 }
 
 /// Passes a picture to a presenter. Returns false if the presenter panicked; it is then not called again.
@@ -301,14 +335,21 @@ mod tests {
         assert!(take::<Another>(&mut test.app, camera).is_none(), "it is of another type, and stays");
         assert_eq!(take::<Notes>(&mut test.app, camera).unwrap().0, "notes");
         assert!(take::<Notes>(&mut test.app, camera).is_none() && take::<Another>(&mut test.app, other).is_some());
-        // One of a plug-in waits until it is taken over, and replaces what was there.
-        hand_to(&mut test.app, camera, Another);
+        // One of a plug-in waits until it is taken over, and takes the pictures from no other, not even from one of its type.
+        hand_to(&mut test.app, camera, Notes("host's", shown.clone()));
         plug(&mut test.app, camera, Notes("waits", shown.clone()));
+        plug(&mut test.app, camera, Notes("waits, too", shown.clone()));
         test.frame().unwrap();
-        assert!(taken(&shown).is_empty());
+        assert_eq!(taken(&shown), [("host's", false, 8)]);
         take_over(&mut test.app);
         take_over(&mut test.app);
+        hand_to(&mut test.app, camera, Another);
+        hand_to(&mut test.app, camera, Notes("host's again", shown.clone()));
         test.frame().unwrap();
-        assert_eq!(taken(&shown), [("waits", false, 8)]);
+        assert_eq!(taken(&shown), [("host's again", false, 8), ("waits", false, 8), ("waits, too", false, 8)]);
+        present_again(&mut test.app, camera);
+        assert_eq!(taken(&shown).len(), 3);
+        assert_eq!(take::<Notes>(&mut test.app, camera).unwrap().0, "host's again");
+        assert!(take::<Another>(&mut test.app, camera).is_some());
     }
 }

@@ -14,6 +14,7 @@ use crate::host::frames::FrameStats;
 use crate::host::log::Log;
 use crate::host::record::{Recorder, Recording};
 use crate::progress::Progress;
+use crate::schedule::Slot;
 use crate::systems::present;
 
 /// Outputs of a headless flight.
@@ -83,11 +84,19 @@ pub fn fly_on(
 
 /// Creates the requested recorder, if the flight has pictures.
 fn recorder(flight: &FlightApp, outputs: &Outputs) -> Result<Option<Recorder>> {
-    let size = flight.camera::<Picture>().map(|p| p.frame.size());
-    match (&outputs.record, size) {
-        (Some(out), Some(size)) => Recorder::create(out, size, outputs.shown_fps.unwrap_or(outputs.fps)).map(Some),
-        _ => Ok(None),
-    }
+    let Some(out) = &outputs.record else { return Ok(None) };
+    let size = flight.camera::<Picture>().map(|p| p.frame.size()).ok_or_else(|| without_image(flight))?;
+    Recorder::create(out, size, outputs.shown_fps.unwrap_or(outputs.fps)).map(Some)
+}
+
+/// The error of a flight that has made no image to record.
+fn without_image(flight: &FlightApp) -> Error {
+    let inspector = flight.app().inspect();
+    let mut who = inspector.own_systems_that_write::<Picture>();
+    who.extend(inspector.own_fill(Slot::Renderer).map(|name| format!("the renderer {name}")));
+    let who = if who.is_empty() { "the scene".to_owned() } else { who.join(" or ") };
+    let why = format!("there is no image to record: {who} makes none of what the camera sees");
+    Error::fault("recording", why, "let the scene render a picture, or record nothing")
 }
 
 /// Flies, logs, and records `fps` images per simulated second, if there are any. Returns true if interrupted. The log is complete
@@ -173,14 +182,12 @@ fn record(flight: &mut FlightApp, overlays: &[Overlay]) -> Result<()> {
         Ok(marks) => (marks, Ok(())),
         Err(e) => (Vec::new(), Err(e)),
     };
-    if let Some(mut recording) = present::presenter::<Recording>(flight.app_mut(), camera) {
-        recording.begin(marks);
-    }
+    let before = present::presenter::<Recording>(flight.app_mut(), camera).map(|mut recording| recording.begin(marks));
     flight.frame()?;
-    match present::presenter::<Recording>(flight.app_mut(), camera) {
-        Some(mut recording) => recording.take_outcome().and(drawn),
-        None => drawn,
-    }
+    let recording = present::presenter::<Recording>(flight.app_mut(), camera);
+    let (made, outcome) = recording.map_or((None, Ok(())), |mut r| (Some(r.images()), r.take_outcome()));
+    outcome.and(drawn)?;
+    if made.is_none() || made == before { Err(without_image(flight)) } else { Ok(()) }
 }
 
 /// Returns the marks that overlays draw over the next image.

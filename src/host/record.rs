@@ -77,10 +77,16 @@ impl Recording {
         }
     }
 
-    /// Starts the time of the next picture, with its marks. Call it when the pose is known.
-    pub(crate) fn begin(&mut self, marks: Vec<Mark>) {
+    /// Starts the time of the next picture, with its marks. Call it when the pose is known. Returns the number of pictures until now.
+    pub(crate) fn begin(&mut self, marks: Vec<Mark>) -> usize {
         self.marks = marks;
         self.begun = Instant::now();
+        self.images()
+    }
+
+    /// Returns the number of pictures that were recorded.
+    pub(crate) fn images(&self) -> usize {
+        self.frames.len()
     }
 
     /// Records a picture with the marks over it.

@@ -6,14 +6,16 @@ use std::sync::Arc;
 use bevy_ecs::error::FallbackErrorHandler;
 use bevy_ecs::observer::IntoObserver;
 use bevy_ecs::prelude::*;
+use bevy_ecs::schedule::SystemWithAccess;
 use bevy_ecs::schedule::{
     InternedSystemSet, LogLevel, ScheduleBuildSettings, ScheduleCleanupPolicy, ScheduleConfigs, ScheduleError,
     ScheduleLabel,
 };
-use bevy_ecs::system::ScheduleSystem;
+use bevy_ecs::system::{ScheduleSystem, SystemAccess};
 
 use super::inspect::Inspector;
 use super::ledger::{self, Fault, Ledger};
+use super::parts::Parts;
 use super::{FlightSystems, Phase, Plugin};
 use crate::error::{Error, Result};
 use crate::panics;
@@ -115,6 +117,12 @@ pub struct App {
     pub(super) makers: BTreeMap<String, f64>,
     said: BTreeSet<(String, String)>,
     notes: Vec<String>,
+    /// The owners whose systems may change entities: by commands, with the whole world, or from observers.
+    changers: BTreeSet<usize>,
+    /// The owners of observers.
+    observing: BTreeSet<usize>,
+    /// The camera before systems of other crates took it, or a part of it or of the scan.
+    lost: Option<Entity>,
 }
 
 /// The owner of systems and components.
@@ -130,6 +138,8 @@ struct Filled {
     slot: Slot,
     name: &'static str,
     owner: Owner,
+    /// True if a plug-in of another crate has filled it.
+    is_plugged: bool,
 }
 
 impl Default for App {
@@ -165,6 +175,9 @@ impl App {
             makers: BTreeMap::new(),
             said: BTreeSet::new(),
             notes: Vec::new(),
+            changers: BTreeSet::new(),
+            observing: BTreeSet::new(),
+            lost: None,
         }
     }
 
@@ -223,11 +236,20 @@ impl App {
     /// Returns the error of `add`, and status 1 if it panics.
     pub(crate) fn on_account<R>(&mut self, name: &str, add: impl FnOnce(&mut Self) -> Result<R>) -> Result<R> {
         let before = std::mem::replace(&mut self.account, self.ledger.as_ref().map(|l| l.open(name)));
+        let own = [self.scan, self.camera];
+        let parts = Parts::of(&self.world, own);
         let added = panics::catch(|| add(self));
         self.account = before;
-        added.unwrap_or_else(|why| {
+        let added = added.unwrap_or_else(|why| {
             Err(Error::fault(format!("plug-in {name}"), format!("panicked: {why}"), "fix it, or fly without it"))
-        })
+        });
+        match parts.taken(&self.world, own) {
+            Some(what) => {
+                self.spawn_lost();
+                added.and(Err(taken(format!("plug-in {name}"), what)))
+            }
+            None => added,
+        }
     }
 
     /// Takes the messages about plug-ins to show to the user since the last call.
@@ -244,14 +266,35 @@ impl App {
         }
     }
 
-    /// Returns the scan entity: the volume and data derived from it.
+    /// Returns the scan entity: the volume and data derived from it. If it has been despawned, a bare one takes its place.
     pub fn scan(&mut self) -> EntityWorldMut<'_> {
+        self.spawn_lost();
         self.world.entity_mut(self.scan)
     }
 
-    /// Returns the camera entity: its pose, its motion and its view.
+    /// Returns the camera entity: its pose, its motion and its view. If it has been despawned, a bare one takes its place.
     pub fn camera(&mut self) -> EntityWorldMut<'_> {
+        self.spawn_lost();
         self.world.entity_mut(self.camera)
+    }
+
+    /// Spawns a scan and a camera in place of those that do not exist any more.
+    fn spawn_lost(&mut self) {
+        let Self { world, scan, camera, lost, .. } = self;
+        let former = *camera;
+        for entity in [scan, camera] {
+            if world.get_entity(*entity).is_err() {
+                *entity = world.spawn(Main).id();
+                lost.get_or_insert(former);
+            }
+        }
+    }
+
+    /// Returns the camera as it was before systems of other crates took it, or a component of this crate from it or from the scan,
+    /// since the last call.
+    pub(crate) fn take_lost(&mut self) -> Option<Entity> {
+        self.spawn_lost();
+        self.lost.take()
     }
 
     /// Returns the ID of the scan entity.
@@ -304,6 +347,7 @@ impl App {
     /// scene changes. Those of a plug-in stay.
     pub fn observe<M>(&mut self, observer: impl IntoObserver<M>) -> &mut Self {
         let observer = self.world.add_observer(observer).id();
+        self.observing.extend(self.account);
         if self.owner == Owner::Scene {
             self.observers.push(observer);
         }
@@ -398,7 +442,7 @@ impl App {
                 "name one of them in the scene",
             ));
         }
-        self.filled.push(Filled { slot, name, owner: self.owner });
+        self.filled.push(Filled { slot, name, owner: self.owner, is_plugged: self.account.is_some() });
         Ok(())
     }
 
@@ -410,6 +454,11 @@ impl App {
     /// Returns true if a slot is filled.
     pub(crate) fn is_filled(&self, slot: Slot) -> bool {
         self.filled.iter().any(|f| f.slot == slot)
+    }
+
+    /// Returns the name that a plug-in has filled a slot with.
+    pub(super) fn plugged_fill(&self, slot: Slot) -> Option<&'static str> {
+        self.filled.iter().find(|f| f.slot == slot && f.is_plugged).map(|f| f.name)
     }
 
     /// Records that a part was left out, for `explain`.
@@ -457,8 +506,10 @@ impl App {
     }
 
     fn run(&mut self, phase: Phase) -> Result<()> {
-        let Self { step, frame, world, ledger, .. } = self;
+        let Self { step, frame, world, ledger, scan, camera, .. } = self;
         let schedule = if phase == Phase::Step { step } else { frame };
+        let own = [*scan, *camera];
+        let parts = Parts::of(world, own);
         let ran = panics::catch(|| schedule.run(world));
         if let Some(ledger) = ledger {
             ledger.finish(phase);
@@ -471,7 +522,22 @@ impl App {
             *usual += (ms - *usual) * 0.1;
         }
         self.collect_notes();
-        self.outcome()
+        let outcome = self.outcome();
+        match parts.taken(&self.world, own) {
+            Some(what) => outcome.and(Err(self.lost_error(what))),
+            None => outcome,
+        }
+    }
+
+    /// Returns the error that something was taken from the scan or the camera, and switches off the owners that may have done it.
+    fn lost_error(&mut self, what: String) -> Error {
+        self.lost.get_or_insert(self.camera);
+        self.spawn_lost();
+        let off = |&owner: &usize| self.ledger.as_ref()?.switch_off(owner).map(|(name, _)| name);
+        let owners: Vec<String> = self.changers.union(&self.observing).filter_map(off).collect();
+        let who =
+            if owners.is_empty() { "a system".to_owned() } else { format!("plug-in {}", owners.join(" or plug-in ")) };
+        taken(who, what)
     }
 
     /// Reports faults since the last call, including those outside a schedule: see
@@ -508,16 +574,28 @@ impl App {
     fn find_owners(&mut self) {
         let Some(ledger) = &self.ledger else { return };
         self.owners.clear();
+        self.changers.clear();
         for schedule in [&self.step, &self.frame] {
             let Ok(systems) = schedule.systems() else { continue };
             let named: Vec<_> = systems.map(|(key, system)| (key, system.name().to_string())).collect();
             for owner in 0..ledger.owners() {
                 let Ok(own) = schedule.graph().systems_in_set(Account(owner).intern()) else { continue };
+                let may_change =
+                    |s: &SystemWithAccess| s.system().has_deferred() || matches!(s.access(), SystemAccess::Exclusive);
+                let accesses = schedule.systems_with_access();
+                if accesses.is_ok_and(|mut all| all.any(|(key, s)| own.contains(&key) && may_change(s))) {
+                    self.changers.insert(owner);
+                }
                 let own = named.iter().filter(|(key, _)| own.contains(key));
                 self.owners.extend(own.map(|(_, name)| (name.clone(), owner)));
             }
         }
     }
+}
+
+/// The error of `who` has taken something that a flight cannot do without.
+fn taken(who: String, what: String) -> Error {
+    Error::fault(who, what, "let it leave the scan and the camera as they are, or fly without it")
 }
 
 /// Creates a schedule whose sets run one after the other.

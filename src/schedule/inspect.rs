@@ -5,7 +5,7 @@ use bevy_ecs::prelude::*;
 use bevy_ecs::query::Access;
 use bevy_ecs::system::SystemAccess;
 
-use super::app::{App, LeftOut, short};
+use super::app::{App, LeftOut, Slot, short};
 use super::ledger::PluginTime;
 
 /// The systems, components and plug-ins of an [`App`], for explanations and messages.
@@ -96,6 +96,11 @@ impl<'a> Inspector<'a> {
     /// Returns the names of the plug-ins, in the order in which they were built.
     pub fn plugged(&self) -> &'a [String] {
         &self.0.plugged
+    }
+
+    /// Returns the name of the plug-in that has filled a slot, if it is of another crate.
+    pub(crate) fn own_fill(&self, slot: Slot) -> Option<&'static str> {
+        self.0.plugged_fill(slot)
     }
 
     /// Returns the parts that were left out.

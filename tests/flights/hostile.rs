@@ -38,7 +38,7 @@ const SECONDS: f64 = 0.3;
 const ODD: [f64; 8] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, -1.0, 1e300, -1e300, 1e-310];
 
 /// Creates a square tube of 20 mm along y, and its lumen.
-fn tube() -> (PreparedVolume, Arc<Lumen>) {
+pub(crate) fn tube() -> (PreparedVolume, Arc<Lumen>) {
     static TUBE: OnceLock<(PreparedVolume, Arc<Lumen>)> = OnceLock::new();
     let made = TUBE.get_or_init(|| {
         let grid = Grid::new([32, 80, 32], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
@@ -54,7 +54,7 @@ fn tube() -> (PreparedVolume, Arc<Lumen>) {
     made.clone()
 }
 
-fn set_out(scene: Scene) -> Result<FlightApp> {
+pub(crate) fn set_out(scene: Scene) -> Result<FlightApp> {
     let [start, goal, end] = [14.0, 70.0, 8.0].map(|y| DVec3::new(16.0, y, 16.0));
     let mut plan = Plan { begin: end, ..Plan::between(start, goal, 60.0) };
     plan.ends[0].at = end;
@@ -63,13 +63,13 @@ fn set_out(scene: Scene) -> Result<FlightApp> {
 }
 
 /// The outcome of a flight.
-struct Outcome {
-    said: String,
-    kind: Option<Kind>,
-    lines: usize,
+pub(crate) struct Outcome {
+    pub said: String,
+    pub kind: Option<Kind>,
+    pub lines: usize,
     /// The state in the last log line.
-    last: Option<State>,
-    images: usize,
+    pub last: Option<State>,
+    pub images: usize,
 }
 
 /// Runs `work` within [`PATIENCE`], or fails with its name.
@@ -84,7 +84,7 @@ fn in_time<T: Send + 'static>(name: &str, work: impl FnOnce() -> T + Send + 'sta
 }
 
 /// Flies a scene, with a log and a recording.
-fn fly(scene: Scene, overlays: &[Overlay]) -> Outcome {
+pub(crate) fn fly(scene: Scene, overlays: &[Overlay]) -> Outcome {
     let dir = tempfile::tempdir().unwrap();
     let log = dir.path().join("f.jsonl");
     let (mut said, mut kind);
@@ -116,7 +116,7 @@ fn images(folder: &Path) -> usize {
 }
 
 /// Returns image settings for every preset at every quality.
-fn images_by_all() -> Vec<ImageSettings> {
+pub(crate) fn images_by_all() -> Vec<ImageSettings> {
     let mut all = Vec::new();
     for preset in presets::BUILT_IN {
         for (quality, adaptive) in
@@ -129,7 +129,7 @@ fn images_by_all() -> Vec<ImageSettings> {
     all
 }
 
-fn recorded(image: ImageSettings) -> Scene {
+pub(crate) fn recorded(image: ImageSettings) -> Scene {
     Scene { picture: true, presented: true, operator: true, image, ..Scene::default() }
 }
 

@@ -17,6 +17,7 @@ mod review;
 mod scan;
 mod scenes;
 mod states;
+mod taken;
 mod traps;
 
 #[path = "../support"]

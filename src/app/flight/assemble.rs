@@ -13,14 +13,14 @@ use crate::components::flight::{Flight, Flown, Goal, GoalMissed};
 use crate::components::guide::{Automatic, GuideThrust, Planned};
 use crate::components::output::Picture;
 use crate::components::play::Playback;
-use crate::components::scan::{Centerline, TargetDistances, WallDistances, Walls};
+use crate::components::scan::{Centerline, Scan, TargetDistances, WallDistances, Walls};
 use crate::components::trail::Trail;
 use crate::coverage::{CoveragePaint, LiveCoverage};
 use crate::dynamics::Attitude;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::fields::ClearanceFinder;
-use crate::schedule::{App, Slot};
-use crate::systems;
+use crate::schedule::{App, Main, Slot};
+use crate::systems::{self, present};
 
 /// Reach of the clearance search, mm. Logged clearances are exact up to 10 mm, so it is slightly larger.
 const CLEARANCE_MM: f64 = 11.0;
@@ -121,6 +121,38 @@ impl FlightApp {
         if let Some(mut picture) = self.camera_mut::<Picture>() {
             picture.due = true;
         }
+    }
+
+    /// Puts back what systems of other crates have taken from the scan and the camera in a step or frame with this outcome, and ends
+    /// the flight: what they knew is lost.
+    ///
+    /// # Errors
+    /// Returns the error of the step or frame, or status 1 if the code that drives the flight has taken it.
+    pub(super) fn restored(&mut self, outcome: Result<()>) -> Result<()> {
+        let Some(former) = self.app.take_lost() else { return outcome };
+        let outcome = outcome.and_then(|()| {
+            let why = "the scan or the camera, or a part of them, was taken from it";
+            Err(Error::fault("flight", why, "leave the entities of a flight as they are"))
+        });
+        let Setup { volume, scene, .. } = &self.setup;
+        let (scan, picture) = (Scan(volume.clone()), scene.picture.then(|| scene.image.picture()));
+        self.app.scan().insert_if_new((scan, Main));
+        let mut camera = self.app.camera();
+        camera.insert_if_new((Main, Flight::default(), Flown::default(), Trail::default()));
+        if let Some(picture) = picture {
+            camera.insert_if_new(picture);
+        }
+        present::hand_on(&mut self.app, former);
+        // What cannot be built any more is missing in a flight that has ended.
+        let _ = self.rebuild().and_then(|()| self.views().prepare());
+        if let Some(pose) = self.sound {
+            self.app.camera().insert(pose);
+            self.rest(pose.position, pose.attitude.forward);
+        }
+        if let Err(e) = &outcome {
+            self.end_because(e);
+        }
+        outcome
     }
 
     /// Places the camera at the start of the plan.

@@ -174,6 +174,7 @@ impl FlightApp {
             self.app.build()?;
         }
         let stepped = self.app.step();
+        let stepped = self.restored(stepped);
         self.keep_sound();
         stepped.and_then(|()| self.end_finished_review())
     }

@@ -152,9 +152,11 @@ impl Views<'_> {
     /// Returns the errors of [`FlightApp::frame`].
     pub fn render_due(&mut self) -> Result<()> {
         self.plug_late()?;
-        let FlightApp { app, queries, .. } = &mut *self.flight;
+        let FlightApp { app, .. } = &mut *self.flight;
         present::take_over(app);
         let made = app.frame();
+        let made = self.flight.restored(made);
+        let FlightApp { app, queries, .. } = &mut *self.flight;
         let pictures = queries.all.get_or_insert_with(|| app.world.query());
         let mut resized = false;
         for mut picture in pictures.iter_mut(&mut app.world) {
