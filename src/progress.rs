@@ -28,6 +28,8 @@ struct Job {
     done: AtomicU64,
     total: AtomicU64,
     cancelled: AtomicBool,
+    /// True if the cancellation has ended a call.
+    ended: AtomicBool,
 }
 
 impl Progress {
@@ -65,7 +67,22 @@ impl Progress {
         self.0.cancelled.store(true, Relaxed);
     }
 
-    /// True if [`Progress::cancel`] was called.
+    /// Makes a call that a cancellation may end, and only this one: the next call begins without it.
+    ///
+    /// # Errors
+    /// Returns the error of `work`.
+    pub fn call<T>(&self, work: impl FnOnce() -> Result<T>) -> Result<T> {
+        if self.0.ended.swap(false, Relaxed) {
+            self.0.cancelled.store(false, Relaxed);
+        }
+        let done = work();
+        if done.is_err() && self.is_cancelled() {
+            self.0.ended.store(true, Relaxed);
+        }
+        done
+    }
+
+    /// True if [`Progress::cancel`] was called, until the next [`Progress::call`] after one that it has ended.
     pub fn is_cancelled(&self) -> bool {
         self.0.cancelled.load(Relaxed)
     }
@@ -74,5 +91,24 @@ impl Progress {
     pub fn snapshot(&self) -> (String, u64, u64) {
         let stage = self.0.stage.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clone();
         (stage, self.0.done.load(Relaxed), self.0.total.load(Relaxed))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cancellation_ends_one_call() {
+        let progress = Progress::new();
+        progress.cancel();
+        // Also one within another, and what follows after it in the same call.
+        let nested = || progress.call(|| progress.call(|| progress.check())).and_then(|()| progress.check());
+        assert!(progress.call(nested).is_err() && progress.is_cancelled());
+        assert_eq!(progress.call(|| progress.check().map(|()| 3)).unwrap(), 3);
+        assert!(!progress.is_cancelled());
+        // One that came too late ends the next call.
+        progress.call(|| Ok(progress.cancel())).unwrap();
+        assert!(progress.call(|| progress.check()).is_err() && progress.call(|| progress.check()).is_ok());
     }
 }

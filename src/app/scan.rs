@@ -198,6 +198,11 @@ impl Scan {
     /// # Errors
     /// Returns status 4 for a volume of one voxel or one slice, or if interrupted.
     pub fn lumen(&mut self) -> Result<Arc<Lumen>> {
+        let progress = Arc::clone(&self.progress);
+        progress.call(|| self.find_lumen())
+    }
+
+    fn find_lumen(&mut self) -> Result<Arc<Lumen>> {
         if let Some(lumen) = &self.lumen {
             return Ok(Arc::clone(lumen));
         }
@@ -232,7 +237,8 @@ impl Scan {
     /// # Errors
     /// Returns status 4 for a volume of one voxel or one slice, or if interrupted; the scan is then unchanged.
     pub fn cleanse(&mut self) -> Result<Arc<Cleansed>> {
-        self.cleanse_with(cleanse::cleanse)
+        let progress = Arc::clone(&self.progress);
+        progress.call(|| self.cleanse_with(cleanse::cleanse))
     }
 
     fn cleanse_with(&mut self, method: fn(&Volume, &Lumen, &Progress) -> Result<Cleansed>) -> Result<Arc<Cleansed>> {
@@ -317,9 +323,12 @@ impl Scan {
     /// # Errors
     /// Returns status 4 if there is no colon to fly, a point is outside the lumen, or the lumen is too narrow.
     pub fn plan(&mut self, request: &FlightRequest, radius_mm: f64) -> Result<Plan> {
-        let lumen = self.lumen()?;
-        let volume = self.volume.clone();
-        self.plan_in(&volume, &lumen, request, radius_mm)
+        let progress = Arc::clone(&self.progress);
+        progress.call(|| {
+            let lumen = self.lumen()?;
+            let volume = self.volume.clone();
+            self.plan_in(&volume, &lumen, request, radius_mm)
+        })
     }
 
     fn plan_in(
@@ -339,6 +348,11 @@ impl Scan {
     /// Returns status 2 for an invalid scene, 3 for a log of another scan, 4 if there is no colon or no path between the points,
     /// or if interrupted.
     pub fn flight(&mut self, scene: Scene, request: &FlightRequest) -> Result<FlightApp> {
+        let progress = Arc::clone(&self.progress);
+        progress.call(|| self.prepare_flight(scene, request))
+    }
+
+    fn prepare_flight(&mut self, scene: Scene, request: &FlightRequest) -> Result<FlightApp> {
         let ((volume, lumen, cleansed), plan) = match scene.play() {
             Some(play) => {
                 check_log(play, &self.volume)?;
@@ -429,6 +443,7 @@ mod tests {
     use glam::DMat3;
 
     use super::*;
+    use crate::components::input::FlightCommand;
     use crate::fields::Along;
     use crate::volume::Grid;
 
@@ -476,6 +491,32 @@ mod tests {
         // Kinds that are given afterwards change it as they do in the scan with its tag.
         scan.tell(told);
         assert_eq!(along(&mut scan).0.length_mm(), told_before.length_mm());
+    }
+
+    #[test]
+    fn a_cancelled_call_leaves_the_scan_and_its_flights_usable() {
+        let mut scan = Scan::phantom(1).unwrap();
+        let progress = Arc::clone(&scan.progress);
+        let request = FlightRequest::default();
+        progress.cancel();
+        assert!(scan.lumen().is_err());
+        assert!(!scan.lumen().unwrap().segments.is_empty());
+        progress.cancel();
+        assert!(scan.cleanse().is_err());
+        scan.cleanse().unwrap();
+        progress.cancel();
+        assert!(scan.flight(Scene::guided_by("path"), &request).is_err());
+        let mut flight = scan.flight(Scene::guided_by("path"), &request).unwrap();
+        // A command that was cancelled leaves the flight as it was, and can be given again.
+        progress.cancel();
+        let potential = || FlightCommand::Guide("potential".to_owned());
+        assert!(flight.act(potential()).is_err());
+        assert_eq!(flight.setup().scene.guide_name(), "path");
+        flight.fly(0.1).unwrap();
+        flight.act(potential()).unwrap();
+        flight.fly(0.1).unwrap();
+        progress.cancel();
+        assert!(flight.survey().along().is_err() && flight.survey().along().is_ok());
     }
 
     #[test]

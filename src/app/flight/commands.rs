@@ -1,6 +1,7 @@
 //! Operator commands on a flight: guide, end, direction, and the camera's position on the path; their record.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 use super::FlightApp;
 use crate::app::plan::{self, Plan, SegmentEnd};
@@ -28,7 +29,10 @@ impl FlightApp {
                     inbox.0.push_back(*command);
                 }
             }
-            Command::Flight(command) => self.follow(command)?,
+            Command::Flight(command) => {
+                let progress = Arc::clone(&self.progress);
+                progress.call(|| self.follow(command))?;
+            }
         }
         // Only commands that succeeded: a replay must not stop at a refused one.
         self.commands.record(TimedCommand { tick, command });
@@ -117,12 +121,17 @@ impl FlightApp {
     /// Rebuilds the flight after a change. If that fails, `back` undoes the change and the flight is rebuilt for its former
     /// state.
     pub(super) fn change(&mut self, back: impl FnOnce(&mut Self)) -> Result<()> {
-        self.setup.build_fields(&self.progress).and_then(|()| self.rebuild()).or_else(|e| {
+        self.build_scene().or_else(|e| {
             back(self);
-            self.setup.build_fields(&self.progress)?;
-            self.rebuild()?;
+            self.build_scene()?;
             Err(e)
         })
+    }
+
+    /// Builds the fields for the current scene, and rebuilds it. A cancellation that has ended an earlier call does not end this one.
+    pub(super) fn build_scene(&mut self) -> Result<()> {
+        let progress = Arc::clone(&self.progress);
+        progress.call(|| self.setup.build_fields(&progress).and_then(|()| self.rebuild()))
     }
 
     /// Restarts the flight with another plan.

@@ -4,6 +4,7 @@ use std::sync::{Arc, OnceLock};
 use std::thread;
 
 use crate::app::FlightApp;
+use crate::app::flight::Setup;
 use crate::app::plan::Plan;
 use crate::error::Result;
 use crate::fields::Lumen;
@@ -38,7 +39,8 @@ impl FlightApp {
     pub fn connection(&self) -> Result<Option<&Connection>> {
         let Connecting { found, .. } = &self.connecting;
         if found.get().is_none() {
-            let way = search(&self.setup.volume, &self.setup.lumen, &self.setup.plan, &self.progress)?;
+            let Setup { volume, lumen, plan, .. } = &self.setup;
+            let way = self.progress.call(|| search(volume, lumen, plan, &self.progress))?;
             found.get_or_init(|| way);
         }
         Ok(found.get().and_then(Option::as_ref))

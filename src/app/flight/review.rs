@@ -65,9 +65,11 @@ impl FlightApp {
     /// Returns status 4 if no way leads to any of the stops, or if interrupted.
     pub fn plan_tour(&self, stops: &[ReviewStop]) -> Result<TourPlan> {
         let begun = Instant::now();
-        let walls = self.walls_to_tour()?;
-        let distance_s = begun.elapsed().as_secs_f64();
-        Ok(TourPlan { distance_s, ..self.tour_by(&walls, stops)? })
+        self.progress.call(|| {
+            let walls = self.walls_to_tour()?;
+            let distance_s = begun.elapsed().as_secs_f64();
+            Ok(TourPlan { distance_s, ..self.tour_by(&walls, stops)? })
+        })
     }
 
     /// Plans the tour with known distances to the wall.
@@ -186,7 +188,7 @@ impl FlightApp {
             share,
             tour,
         });
-        if let Err(e) = self.setup.build_fields(&self.progress).and_then(|()| self.rebuild()) {
+        if let Err(e) = self.build_scene() {
             self.end_review()?;
             return Err(e);
         }
@@ -214,8 +216,7 @@ impl FlightApp {
         let scene = &mut self.setup.scene;
         (scene.steering, scene.look, scene.watch) = (steering, look, watch);
         (self.setup.plan, self.setup.fields) = (plan, fields);
-        self.setup.build_fields(&self.progress)?;
-        self.rebuild()?;
+        self.build_scene()?;
         let place = self.pose().position;
         if let Some(mut now) = self.camera_mut::<Flight>() {
             *now = Flight { length_mm: now.length_mm, place, ..flight };

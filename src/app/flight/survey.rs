@@ -63,7 +63,7 @@ impl<'a> Survey<'a> {
         let camera = perspective(fov_degrees)?;
         let views = self.trail().map_or(&[][..], Trail::views);
         let volume = &self.flight.setup.volume;
-        let Some(wall) = self.wall()? else { return Ok(None) };
+        let Some(wall) = self.flight.progress.call(|| self.wall())? else { return Ok(None) };
         let sights = wall.seen(volume, views, &camera, count);
         let coverage = wall.coverage(&sights);
         Ok((!wall.is_empty()).then_some(Covered { wall, sights, coverage }))
@@ -186,7 +186,7 @@ impl<'a> Survey<'a> {
     /// Returns status 4 if interrupted.
     pub fn along(self) -> Result<Arc<Along>> {
         let FlightApp { setup: Setup { volume, lumen, plan, .. }, progress, .. } = self.flight;
-        plan.gas.as_ref().unwrap_or(lumen).along(volume.voxels(), progress)
+        progress.call(|| plan.gas.as_ref().unwrap_or(lumen).along(volume.voxels(), progress))
     }
 
     /// Returns the patches of at least `least_mm2` for whose triangles `is_seen` is false, the largest first.
