@@ -17,7 +17,7 @@ use crate::dynamics::rigid::orientation;
 use crate::dynamics::{Potential, PotentialForce, RigidBodyState, Turning, step};
 use crate::error::Result;
 use crate::fields::Distance;
-use crate::schedule::{App, FlightSystems, Main, note};
+use crate::schedule::{App, FlightSystems, Main, Phase, note};
 
 /// Time by which the view lags behind the path, s, and its maximum rate, rad/s.
 const VIEW_S: f64 = 0.45;
@@ -83,6 +83,38 @@ pub fn acting(flight: &Flight, hand: Option<&Hand>, guide: Option<&GuideThrust>,
     acting
 }
 
+/// Who writes what a guide says after the guide, in a flight with parts of other crates.
+#[derive(Resource, Clone, Copy, Debug)]
+pub struct ThrustWriters {
+    /// The look, if it is of another crate.
+    pub look: Option<&'static str>,
+}
+
+impl ThrustWriters {
+    /// Returns the name for messages of who has written something invalid since the guide.
+    fn after_the_guide(self, wrong: &str) -> String {
+        match self.look {
+            Some(look) if wrong == GuideThrust::DIRECTION => format!("look {look}"),
+            _ => "a plug-in that writes GuideThrust".to_owned(),
+        }
+    }
+}
+
+/// Adds a look at what the guide says before anything else writes it, so that only its own mistakes are told as the guide's.
+pub fn check_guide_plugin(app: &mut App, writers: ThrustWriters) {
+    app.world.insert_resource(writers);
+    let check = check_guide.after(FlightSystems::Guide).before(FlightSystems::Look);
+    app.add_systems_to(Phase::Step, check);
+}
+
+/// Removes what a guide has written wrongly.
+pub fn check_guide(camera: Single<&mut GuideThrust, With<Main>>, name: Option<Res<GuideName>>) {
+    if let Some(wrong) = camera.into_inner().sanitize() {
+        let name = name.map_or("", |n| n.0);
+        note(format!("guide {name}"), format!("gave an invalid {wrong}: it counts as zero"));
+    }
+}
+
 /// Adds up the accelerations that act on the body.
 pub fn sum_forces(
     camera: Single<
@@ -90,11 +122,15 @@ pub fn sum_forces(
         With<Main>,
     >,
     name: Option<Res<GuideName>>,
+    writers: Option<Res<ThrustWriters>>,
 ) {
     let (mut sum, flight, hand, mut guide, mines) = camera.into_inner();
     if let Some(wrong) = guide.as_deref_mut().and_then(GuideThrust::sanitize) {
-        let name = name.map_or("", |n| n.0);
-        note(format!("guide {name}"), format!("gave an invalid {wrong}: it counts as zero"));
+        let who = match (writers, name) {
+            (Some(writers), _) => writers.after_the_guide(wrong),
+            (None, name) => format!("guide {}", name.map_or("", |n| n.0)),
+        };
+        note(who, format!("gave an invalid {wrong}: it counts as zero"));
     }
     let total = acting(flight, hand, guide.as_deref(), mines).sum();
     sum.0 = if total.is_finite() {

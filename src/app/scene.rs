@@ -416,9 +416,14 @@ impl Scene {
                 }
                 let look = self.look.or(guide.look).unwrap_or(systems::looks::ahead::LOOK);
                 let mut built_in = systems::looks::BUILT_IN.iter().chain([&systems::looks::review::LOOK]);
-                match built_in.any(|l| l.name == look.name) {
-                    true => (look.plug)(app)?,
-                    false => app.on_account(look.name, look.plug)?,
+                let is_own = !built_in.any(|l| l.name == look.name);
+                match is_own {
+                    true => app.on_account(look.name, look.plug)?,
+                    false => (look.plug)(app)?,
+                }
+                if app.keeps_account() {
+                    let look = is_own.then_some(look.name);
+                    systems::motion::check_guide_plugin(app, systems::motion::ThrustWriters { look });
                 }
                 systems::motion::plugin(app)?;
             }

@@ -31,6 +31,9 @@ pub struct GuideThrust {
 const ABSURD: f64 = 1e7;
 
 impl GuideThrust {
+    /// The name of an invalid direction.
+    pub(crate) const DIRECTION: &'static str = "direction";
+
     /// Removes invalid accelerations and directions: values that are not finite, and accelerations that are absurdly
     /// large.
     ///
@@ -50,7 +53,7 @@ impl GuideThrust {
         // The length is arbitrary. Scale it first, so that the direction is kept.
         let longest = self.look_direction.abs().max_element();
         if !self.look_direction.is_finite() {
-            (self.look_direction, reported) = (DVec3::ZERO, Some("direction"));
+            (self.look_direction, reported) = (DVec3::ZERO, Some(Self::DIRECTION));
         } else if longest > 0.0 && !(1e-3..1e3).contains(&longest) {
             self.look_direction = (self.look_direction / longest).normalize_or_zero();
         }

@@ -151,8 +151,8 @@ impl Default for App {
 impl App {
     /// Creates a world with a bare scan, a bare camera, and schedules without systems.
     pub fn new() -> Self {
-        // Discard anything that an earlier world on this thread has left behind.
-        drop((ledger::take_faults(), ledger::take_notes(), ledger::take_times()));
+        ledger::discard();
+        drop(ledger::at_home());
         let mut world = World::new();
         world.insert_resource(FallbackErrorHandler(ledger::system_failed));
         let [scan, camera] = [world.spawn(Main).id(), world.spawn(Main).id()];
@@ -228,6 +228,11 @@ impl App {
     /// Use it for flights with plug-ins or guides of other crates. Without it, systems have no run conditions.
     pub(crate) fn keep_account(&mut self) {
         self.ledger.get_or_insert_default();
+    }
+
+    /// True if the owner of each system is recorded.
+    pub(crate) fn keeps_account(&self) -> bool {
+        self.ledger.is_some()
     }
 
     /// Books the systems that `add` adds to the account `name`. A panic in `add` becomes an error.
@@ -346,8 +351,13 @@ impl App {
     /// An event of a step is observed before the next [set](FlightSystems) begins. Observers of a scene are removed when the
     /// scene changes. Those of a plug-in stay.
     pub fn observe<M>(&mut self, observer: impl IntoObserver<M>) -> &mut Self {
-        let observer = self.world.add_observer(observer).id();
-        self.observing.extend(self.account);
+        let mut observer = observer.into_observer();
+        if let (Some(ledger), Some(owner)) = (&self.ledger, self.account) {
+            let ledger = Arc::clone(ledger);
+            observer = observer.run_if(move || ledger.begin_observer(owner));
+            self.observing.insert(owner);
+        }
+        let observer = self.world.spawn(observer).id();
         if self.owner == Owner::Scene {
             self.observers.push(observer);
         }
@@ -510,6 +520,7 @@ impl App {
         let schedule = if phase == Phase::Step { step } else { frame };
         let own = [*scan, *camera];
         let parts = Parts::of(world, own);
+        let _home = ledger::at_home();
         let ran = panics::catch(|| schedule.run(world));
         if let Some(ledger) = ledger {
             ledger.finish(phase);
@@ -548,12 +559,15 @@ impl App {
     pub fn outcome(&mut self) -> Result<()> {
         let mut first = Ok(());
         for fault in ledger::take_faults() {
-            let off = self.owner_of(&fault.what).and_then(|owner| self.ledger.as_ref()?.switch_off(owner));
+            let owner = self.owner_of(&fault.what);
+            let what =
+                if owner.is_none() && fault.observer.is_some() { "an observer".to_owned() } else { short(&fault.what) };
+            let off = owner.or(fault.observer).and_then(|owner| self.ledger.as_ref()?.switch_off(owner));
             // For an owner already switched off, only run conditions are called, and their faults are known.
             if off.as_ref().is_some_and(|(_, was_on)| !was_on) {
                 continue;
             }
-            let error = ledger::fault_error(off.map(|o| o.0), &Fault { what: short(&fault.what), ..fault });
+            let error = ledger::fault_error(off.map(|o| o.0), &Fault { what, ..fault });
             match first {
                 Ok(()) => first = Err(error),
                 Err(_) => self.notes.push(format!("{}: {}", error.what, error.why)),

@@ -4,7 +4,7 @@
 //! owner. A panic is reported with the owner's name, since each owner's systems are in a separate set. An owner that has
 //! panicked is switched off and its systems no longer run. A flight without plug-ins has no such conditions.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -22,6 +22,39 @@ thread_local! {
     static TIMES: RefCell<BTreeMap<String, f64>> = const { RefCell::new(BTreeMap::new()) };
     /// Messages to the user: the subject and the text.
     static NOTES: RefCell<Vec<(String, String)>> = const { RefCell::new(Vec::new()) };
+    /// The owner of the observer that has begun last, since the last system began.
+    static OBSERVER: Cell<Option<usize>> = const { Cell::new(None) };
+    /// True on a thread that runs a world.
+    static IS_HOME: Cell<bool> = const { Cell::new(false) };
+}
+
+/// What threads without a world have reported: those that a plug-in or a renderer works on. The world that runs next takes it.
+static ELSEWHERE: Mutex<Elsewhere> =
+    Mutex::new(Elsewhere { faults: Vec::new(), times: BTreeMap::new(), notes: Vec::new() });
+
+#[derive(Default)]
+struct Elsewhere {
+    faults: Vec<Fault>,
+    times: BTreeMap<String, f64>,
+    notes: Vec<(String, String)>,
+}
+
+fn elsewhere() -> MutexGuard<'static, Elsewhere> {
+    ELSEWHERE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Makes this thread one that runs a world, while the guard lives; for good unless it belongs to a pool.
+pub(super) fn at_home() -> AtHome {
+    AtHome(IS_HOME.replace(true) || rayon::current_thread_index().is_none())
+}
+
+/// A guard of [`at_home`].
+pub(super) struct AtHome(bool);
+
+impl Drop for AtHome {
+    fn drop(&mut self) {
+        IS_HOME.set(self.0);
+    }
 }
 
 /// A panic or failure.
@@ -31,20 +64,34 @@ pub(super) struct Fault {
     pub what: String,
     /// The cause: `panicked: …` with the panic's message.
     pub why: String,
+    /// The owner of the observer that was running, if one was. A panic in an observer arrives as that of the command that triggered it.
+    pub observer: Option<usize>,
 }
 
-/// Reports a panic in a part of a plug-in that was caught.
+/// Reports a panic in a part of a plug-in that was caught, from any thread.
 ///
 /// It ends the current step or frame with an error, and a headless flight in an orderly way. `what` names the part, for
 /// example `preset distance`.
 pub fn report_fault(what: impl Into<String>, why: impl Into<String>) {
-    let fault = Fault { what: what.into(), why: format!("panicked: {}", why.into()) };
-    FAULTS.with_borrow_mut(|faults| faults.push(fault));
+    add_fault(Fault { what: what.into(), why: format!("panicked: {}", why.into()), observer: None });
 }
 
-/// Shows the user a message about a plug-in, once for each pair of `who` and `what`.
+fn add_fault(fault: Fault) {
+    if IS_HOME.get() {
+        FAULTS.with_borrow_mut(|faults| faults.push(fault));
+    } else {
+        elsewhere().faults.push(fault);
+    }
+}
+
+/// Shows the user a message about a plug-in, once for each pair of `who` and `what`, from any thread.
 pub fn note(who: impl Into<String>, what: impl Into<String>) {
-    NOTES.with_borrow_mut(|notes| notes.push((who.into(), what.into())));
+    let note = (who.into(), what.into());
+    if IS_HOME.get() {
+        NOTES.with_borrow_mut(|notes| notes.push(note));
+    } else {
+        elsewhere().notes.push(note);
+    }
 }
 
 /// Handles systems that fail in the world.
@@ -54,29 +101,53 @@ pub(super) fn system_failed(error: BevyError, context: ErrorContext) {
         Some(payload) => format!("panicked: {}", panic_text(&*payload)),
         None => format!("failed: {error}"),
     };
+    let observer = match context {
+        ErrorContext::Command { .. } | ErrorContext::Observer { .. } => OBSERVER.get(),
+        ErrorContext::System { .. } | ErrorContext::RunCondition { .. } => None,
+    };
     let what = match context {
         ErrorContext::RunCondition { system, .. } => system.to_string(),
         other => other.name().to_string(),
     };
-    let fault = Fault { what, why };
-    FAULTS.with_borrow_mut(|faults| faults.push(fault));
+    add_fault(Fault { what, why, observer });
 }
 
-/// Books the time that a renderer, an overlay or a presenter of another crate took in this frame, under its name.
+/// Books the time that a renderer, an overlay or a presenter of another crate took in this frame, under its name, from any thread.
 pub fn book_time(name: impl Into<String>, ms: f64) {
-    TIMES.with_borrow_mut(|times| *times.entry(name.into()).or_default() += ms);
+    let name = name.into();
+    if IS_HOME.get() {
+        TIMES.with_borrow_mut(|times| *times.entry(name).or_default() += ms);
+    } else {
+        *elsewhere().times.entry(name).or_default() += ms;
+    }
+}
+
+/// Discards what an earlier world on this thread has left behind.
+pub(super) fn discard() {
+    drop((TIMES.take(), FAULTS.take(), NOTES.take()));
 }
 
 pub(super) fn take_times() -> BTreeMap<String, f64> {
-    TIMES.take()
+    let mut times = TIMES.take();
+    for (name, ms) in std::mem::take(&mut elsewhere().times) {
+        *times.entry(name).or_default() += ms;
+    }
+    times
 }
 
 pub(super) fn take_faults() -> Vec<Fault> {
-    FAULTS.take()
+    let mut faults = FAULTS.take();
+    faults.append(&mut elsewhere().faults);
+    faults
 }
 
 pub(super) fn take_notes() -> Vec<(String, String)> {
-    NOTES.take()
+    let mut notes = NOTES.take();
+    let mut others = std::mem::take(&mut elsewhere().notes);
+    // Threads report in any order.
+    others.sort();
+    notes.extend(others);
+    notes
 }
 
 /// Run time of a plug-in.
@@ -154,12 +225,22 @@ impl Ledger {
 
     /// Records that a system of `owner` (`None` for this crate) is about to run. Returns false if it must not.
     pub(crate) fn begin(&self, owner: Option<usize>) -> bool {
+        OBSERVER.set(None);
         let mut book = self.book();
         book.close();
         let Some(owner) = owner else { return true };
         let on = book.accounts.get(owner).is_some_and(|a| !a.off);
         if on {
             book.since = Some((owner, Instant::now()));
+        }
+        on
+    }
+
+    /// Records that an observer of `owner` is about to run. Returns false if it must not.
+    pub(crate) fn begin_observer(&self, owner: usize) -> bool {
+        let on = self.book().accounts.get(owner).is_some_and(|a| !a.off);
+        if on {
+            OBSERVER.set(Some(owner));
         }
         on
     }

@@ -6,6 +6,7 @@ mod dynamics;
 mod flight;
 mod guides;
 mod hostile;
+mod names;
 mod operator;
 mod overlays;
 mod own_guide;

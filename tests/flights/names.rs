@@ -1,0 +1,94 @@
+//! Who is named for what goes wrong in a flight, from whatever thread and part of it.
+
+use std::process::Command;
+
+use bevy_ecs::prelude::*;
+use colvis::app::Scene;
+use colvis::components::guide::GuideThrust;
+use colvis::error::Kind;
+use colvis::schedule::{App, FlightSystems, Look, Main, note, report_fault};
+use glam::DVec3;
+
+use crate::hostile::{fly, images_by_all, recorded};
+
+#[derive(Event)]
+struct Due;
+
+#[test]
+fn an_observer_that_panics_is_told_by_its_plugin() {
+    let watches = |app: &mut App| {
+        app.observe(|_: On<Due>| panic!("observed badly"));
+        Ok(())
+    };
+    let triggers = |app: &mut App| {
+        app.add_systems(FlightSystems::Trail, |mut n: Local<u32>, mut commands: Commands| {
+            *n += 1;
+            if *n == 10 {
+                commands.trigger(Due);
+            }
+        });
+        Ok(())
+    };
+    let scene = recorded(images_by_all().remove(0)).plug(("watches", watches)).unwrap();
+    let out = fly(scene.plug(("triggers", triggers)).unwrap(), &[]);
+    assert!(out.kind == Some(Kind::Fault) && out.said.contains("observed badly"), "{}", out.said);
+    assert!(out.said.contains("plug-in watches") && !out.said.contains("bevy_ecs"), "{}", out.said);
+    assert!(out.lines == 10 && out.images >= 2, "{} {}", out.lines, out.images);
+}
+
+#[test]
+fn what_a_look_writes_wrongly_is_told_as_the_looks() {
+    fn plug(app: &mut App) -> colvis::error::Result<()> {
+        app.add_systems(FlightSystems::Look, |mut guide: Single<&mut GuideThrust, With<Main>>| {
+            guide.look_direction = DVec3::NAN;
+        });
+        Ok(())
+    }
+    let look = Look { name: "dazed", summary: "looks nowhere", plug };
+    let scene = Scene { look: Some(look), ..recorded(images_by_all().remove(0)) };
+    let out = fly(scene.plug(("honest", |_: &mut App| Ok(()))).unwrap(), &[]);
+    assert!(out.said.contains("look dazed gave an invalid direction"), "{}", out.said);
+    assert!(!out.said.contains("guide"), "{}", out.said);
+    // What another plug-in writes over it is neither's.
+    let writes = |app: &mut App| {
+        app.add_systems(FlightSystems::Force, |mut guide: Single<&mut GuideThrust, With<Main>>| {
+            guide.thrust = DVec3::INFINITY;
+        });
+        Ok(())
+    };
+    let out = fly(recorded(images_by_all().remove(0)).plug(("writes", writes)).unwrap(), &[]);
+    assert!(out.said.contains("a plug-in that writes GuideThrust gave an invalid thrust"), "{}", out.said);
+    assert!(!out.said.contains("guide tentacles"), "{}", out.said);
+}
+
+/// What is reported from threads of no flight goes to the flight that runs next, so it needs a process of its own.
+#[test]
+fn notes_and_faults_from_other_threads_are_told() {
+    let program = std::env::current_exe().unwrap();
+    let arguments = ["--exact", "names::notes_and_faults_from_other_threads", "--ignored", "--nocapture"];
+    let out = Command::new(program).args(arguments).output().unwrap();
+    let said = String::from_utf8_lossy(&out.stdout);
+    assert!(out.status.success() && said.contains("1 passed"), "{said}{}", String::from_utf8_lossy(&out.stderr));
+}
+
+#[test]
+#[ignore = "run by itself, in a process of its own"]
+fn notes_and_faults_from_other_threads() {
+    let reports = |app: &mut App| {
+        app.add_systems(FlightSystems::Trail, |mut n: Local<u32>| {
+            *n += 1;
+            if *n == 10 {
+                rayon::broadcast(|_| note("a worker", "has a word to say"));
+                std::thread::spawn(|| note("a thread", "has one, too")).join().unwrap();
+                rayon::scope(|s| s.spawn(|_| report_fault("part of it", "worked badly")));
+            }
+        });
+        Ok(())
+    };
+    let out = fly(recorded(images_by_all().remove(0)).plug(("reports", reports)).unwrap(), &[]);
+    assert!(out.kind == Some(Kind::Fault) && out.said.contains("part of it: panicked: worked badly"), "{}", out.said);
+    for told in ["a worker has a word to say", "a thread has one, too"] {
+        assert!(out.said.contains(told), "{}", out.said);
+    }
+    assert_eq!(out.lines, 10);
+}
