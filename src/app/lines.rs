@@ -43,7 +43,7 @@ pub(super) fn unread(text: &str, e: &toml::de::Error, hint: &str) -> Error {
         None => ("scene", Some(span.start).filter(|_| all.is_empty())),
     };
     let what = start.map_or_else(|| what.to_owned(), |start| format!("line {}: {what}", line(text, start)));
-    Error::usage(what, e.message().to_owned(), hint)
+    Error::usage(what, e.message().to_owned(), hint).caused_by(e.clone())
 }
 
 /// Adds the line to an error about a setting, if the text has it.

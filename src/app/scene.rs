@@ -176,19 +176,20 @@ impl Scene {
     /// Reads a scene file. Guides and renderers are looked up in `catalog`.
     ///
     /// # Errors
-    /// Returns status 3 if it cannot be read, and status 2 if it is not a scene or a setting in it is invalid.
+    /// Returns status 3 if it cannot be read, and the errors of [`Scene::parse`], with the name of the file.
     pub fn read(path: &Path, catalog: &Catalog) -> Result<Self> {
         let text = std::fs::read_to_string(path).map_err(|e| {
-            Error::file(path, format!("cannot be read ({})", crate::output::plain(&e)), "give a scene file")
+            let why = format!("cannot be read ({})", crate::output::plain(&e));
+            Error::file(path, why, "give a scene file").caused_by(e)
         })?;
-        Self::parse(&text, catalog)
-            .map_err(|e| Error::usage(path.display().to_string(), e.to_string(), "see assets/scenes"))
+        Self::parse(&text, catalog).map_err(|e| Error { what: format!("{}: {}", path.display(), e.what), ..e })
     }
 
     /// Parses the text of a scene file. Guides, presets, cameras, shaders, overlays and plug-ins are looked up in `catalog`.
     ///
     /// # Errors
-    /// Returns status 2 if it is not a scene or a setting in it is invalid.
+    /// Returns status 2 if it is not a scene or a setting in it is invalid, and the error of a guide or another part of another crate
+    /// that checks its settings.
     pub fn parse(text: &str, catalog: &Catalog) -> Result<Self> {
         let file = toml::from_str(text).map_err(|e| lines::unread(text, &e, "name known plugins and settings"))?;
         Self::of_file(file, catalog).map_err(|e| lines::with_line(text, e))

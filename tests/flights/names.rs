@@ -3,10 +3,11 @@
 use std::process::Command;
 
 use bevy_ecs::prelude::*;
-use colvis::app::Scene;
+use colvis::app::{Catalog, Scene};
 use colvis::components::guide::GuideThrust;
-use colvis::error::Kind;
-use colvis::schedule::{App, FlightSystems, Look, Main, note, report_fault};
+use colvis::dynamics::Body;
+use colvis::error::{Error, Kind, Result};
+use colvis::schedule::{App, FlightSystems, Guide, Look, Main, note, report_fault};
 use glam::DVec3;
 
 use crate::hostile::{fly, images_by_all, recorded};
@@ -38,7 +39,7 @@ fn an_observer_that_panics_is_told_by_its_plugin() {
 
 #[test]
 fn what_a_look_writes_wrongly_is_told_as_the_looks() {
-    fn plug(app: &mut App) -> colvis::error::Result<()> {
+    fn plug(app: &mut App) -> Result<()> {
         app.add_systems(FlightSystems::Look, |mut guide: Single<&mut GuideThrust, With<Main>>| {
             guide.look_direction = DVec3::NAN;
         });
@@ -91,4 +92,53 @@ fn notes_and_faults_from_other_threads() {
         assert!(out.said.contains(told), "{}", out.said);
     }
     assert_eq!(out.lines, 10);
+}
+
+#[derive(Component, Clone, Debug, serde::Deserialize)]
+#[serde(default)]
+struct Licensed {
+    key: String,
+}
+
+impl Default for Licensed {
+    fn default() -> Self {
+        Self { key: "a".to_owned() }
+    }
+}
+
+impl Guide for Licensed {
+    const NAME: &'static str = "licensed";
+    const SUMMARY: &'static str = "needs a file";
+
+    fn cruise_mm_s(&self, _: &Body) -> f64 {
+        0.0
+    }
+
+    fn check(&self) -> Result<()> {
+        let e = std::io::Error::other("no licence");
+        if self.key.is_empty() { Err(Error::incomplete("licensed.key", "is missing", "buy one").caused_by(e)) } else { Ok(()) }
+    }
+
+    fn plug(&self, _: &mut App) -> Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn an_error_in_a_scene_file_keeps_its_kind_and_its_cause() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("s.toml");
+    let catalog = Catalog::default().guide::<Licensed>();
+    let read = |text: &str| {
+        std::fs::write(&file, text).unwrap();
+        Scene::read(&file, &catalog)
+    };
+    let e = read("plugins = [\"licensed\"]\n[licensed]\nkey = \"\"\n").unwrap_err();
+    assert!(e.kind == Kind::Incomplete && e.to_string().contains("s.toml: line 3:"), "{e}");
+    assert!(e.to_string().contains("is missing; buy one") && !e.to_string().contains("assets"), "{e}");
+    assert_eq!(std::error::Error::source(&e).unwrap().to_string(), "no licence");
+    let e = read("plugins = 3\n").unwrap_err();
+    assert!(e.kind == Kind::Usage && std::error::Error::source(&e).is_some(), "{e}");
+    let e = Scene::read(&dir.path().join("none.toml"), &catalog).unwrap_err();
+    assert!(e.kind == Kind::Input && std::error::Error::source(&e).is_some(), "{e}");
 }
