@@ -274,10 +274,21 @@ pub fn check_folders(outputs: &[&Path]) -> Result<()> {
     })
 }
 
-/// Returns the absolute path with links followed.
+/// Returns the absolute path with links followed, also where the file itself does not exist yet.
 fn place(path: &Path) -> PathBuf {
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    if is_special(&absolute) { absolute } else { std::fs::canonicalize(path).unwrap_or(absolute) }
+    if is_special(&absolute) {
+        return absolute;
+    }
+    let real = |folder: &Path| std::fs::canonicalize(folder).ok().map(|f| (folder.to_owned(), f));
+    match absolute.ancestors().find_map(real) {
+        Some((folder, there)) => match absolute.strip_prefix(&folder) {
+            Ok(rest) if rest.as_os_str().is_empty() => there,
+            Ok(rest) => there.join(rest),
+            Err(_) => absolute,
+        },
+        None => absolute,
+    }
 }
 
 /// Rejects outputs (files or folders) that would overwrite an input or each other.
@@ -351,6 +362,11 @@ mod tests {
         let apart = |i: &Path, o: &Path| check_apart(&[i], &[o]).map_err(|e| e.kind);
         assert_eq!(apart(dir.path(), &dir.path().join("")), Err(Kind::Usage), "the same folder, with a slash");
         assert_eq!(apart(dir.path(), &at("none/of/it/")), Ok(()));
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink(dir.path(), at("link")).unwrap();
+            assert_eq!(check(&[&at("a"), &at("link/a")]), Err(Kind::Usage), "through a link, and neither exists");
+        }
     }
 
     #[test]

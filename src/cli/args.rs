@@ -486,7 +486,7 @@ impl fmt::Display for ParseError {
 }
 
 /// The command line, with the catalog's entries as the values of its options.
-fn command(program: &Program) -> clap::Command {
+pub(super) fn command(program: &Program) -> clap::Command {
     let catalog = &program.catalog;
     let guides: Vec<_> = catalog.guides.iter().map(|g| (g.name, g.summary)).collect();
     let presets: Vec<_> = catalog.presets.iter().map(|p| (p.name, p.summary)).collect();

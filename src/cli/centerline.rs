@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use crate::app::Timings;
 use crate::app::scan::check_thick;
 use crate::cli::args::{CenterlineArgs, Global, Point};
+use crate::cli::files;
 use crate::cli::prepare::{self, say};
 use crate::error::{Error, Result};
 use crate::fields::centerline::{self, Centerline, End};
@@ -54,7 +55,7 @@ impl Format {
 pub(crate) fn run(args: &CenterlineArgs, global: &Global, progress: &Progress) -> Result<()> {
     let format = Format::of(&args.out)?;
     let (input, is_mask) = prepare::scan_or_mask("centerline", args.input.as_deref(), args.mask.as_deref())?;
-    prepare::check_files(Some(input), &args.out, args.stats.as_deref())?;
+    files::check_folders(&args.out, args.stats.as_deref())?;
     let mut timings = Timings::default();
     let read = if is_mask { prepare::load_mask } else { prepare::load };
     let volume = read(input, global, &mut timings, progress)?;

@@ -6,6 +6,7 @@ use serde_json::json;
 
 use crate::app::Timings;
 use crate::cli::args::{CleanseArgs, Global};
+use crate::cli::files;
 use crate::cli::prepare;
 use crate::error::Result;
 use crate::fields::cleanse::{self, CleansedPool, Left};
@@ -34,7 +35,7 @@ struct NotTaken {
 /// Returns status 3 if the input cannot be read, 4 if it is too flat to have an interior, has no gas of a colon or if interrupted, 5
 /// if an output cannot be written.
 pub(crate) fn run(args: &CleanseArgs, global: &Global, progress: &Progress) -> Result<()> {
-    prepare::check_files(Some(&args.input), &args.out, args.stats.as_deref())?;
+    files::check_folders(&args.out, args.stats.as_deref())?;
     io::check_ending(&args.out)?;
     let mut timings = Timings::default();
     // Not twice.

@@ -56,7 +56,7 @@ impl From<&Measurement> for Written {
 pub(crate) fn run(args: &MeasureArgs, global: &Global, progress: &Progress) -> Result<()> {
     let iso = prepare::transfer(global)?.iso();
     let outputs: Vec<_> = args.out.iter().chain(&args.stats).map(std::path::PathBuf::as_path).collect();
-    output::check_targets(&[&args.input], &outputs)?;
+    output::check_folders(&outputs)?;
     let mut timings = Timings::default();
     // Not twice.
     let global = Global { cleanse: false, ..global.clone() };

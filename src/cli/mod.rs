@@ -5,6 +5,7 @@ mod candidates;
 mod centerline;
 mod cleanse;
 mod explain;
+mod files;
 mod fly;
 mod info;
 mod measure;
@@ -43,6 +44,7 @@ use crate::render::{CameraModel, Preset, ShaderModel};
 use crate::schedule::{Guide, Look, Plugin};
 use args::{Args, Command};
 pub use clap;
+use files::Files;
 use own::OwnCommand;
 pub use own::Session;
 
@@ -341,6 +343,7 @@ fn on_interrupt(progress: &Arc<Progress>) -> Result<()> {
 fn run(program: &Program, args: Args) -> Result<()> {
     let progress = Arc::new(Progress::new());
     on_interrupt(&progress)?;
+    let files = Files::of(&args);
     let global = args.global;
     let scene = match &args.command {
         None => args.fly.scene.as_deref(),
@@ -349,6 +352,7 @@ fn run(program: &Program, args: Args) -> Result<()> {
         _ => None,
     };
     prepare::check(program, &global, scene)?;
+    files.check_apart()?;
     gather_threads(global.threads)?;
     // A flight shows its own progress: a window, or a bar that goes before the last word.
     let _bar = match args.command {

@@ -15,10 +15,8 @@ use crate::volume::io;
 /// Returns status 2 for an unknown ending, slices or noise that cannot be, 4 if cancelled, 5 if an output cannot be written.
 pub(crate) fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> Result<()> {
     let volumes = || std::iter::once(&args.out).chain(&args.twin).map(PathBuf::as_path);
-    output::check_targets(
-        &[],
-        &volumes().chain(args.truth.as_deref()).chain(args.labels.as_deref()).collect::<Vec<_>>(),
-    )?;
+    let all: Vec<_> = volumes().chain(args.truth.as_deref()).chain(args.labels.as_deref()).collect();
+    output::check_folders(&all)?;
     volumes().chain(args.labels.as_deref()).try_for_each(io::check_ending)?;
     let has = |feature| args.with.contains(&feature);
     let scanner = Scanner { noise_hu: noise_hu(args)?, slice_mm: args.slice, ..Scanner::default() };

@@ -1,10 +1,11 @@
 //! `colvis plane`.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use crate::app::Scene;
 use crate::cli::args::PlaneArgs;
+use crate::cli::files::Files;
 use crate::cli::prepare::say;
 use crate::dynamics::tentacles::TentacleSettings;
 use crate::error::{Error, Result};
@@ -28,10 +29,9 @@ const FALLBACK: &str = "plane.png";
 /// Returns status 2 for invalid arguments, 3 for an unusable drawing, 4 if the flight calls the operator, 5 if the picture cannot be
 /// written.
 pub(crate) fn run(args: &PlaneArgs, progress: &Arc<Progress>) -> Result<()> {
-    let named: Vec<&Path> = args.lumen.iter().chain(&args.scene).map(PathBuf::as_path).collect();
     if let Some(out) = &args.out {
         headless::Film::check(out)?;
-        output::check_targets(&named, &[out])?;
+        output::check_folders(&[out])?;
     }
     match (&args.out, args.headless) {
         (None, true) => {
@@ -54,7 +54,9 @@ pub(crate) fn run(args: &PlaneArgs, progress: &Arc<Progress>) -> Result<()> {
         return window::run(display, flight, progress);
     }
     // Nobody named this file: it must not take the drawing's place.
-    output::check_apart(&named, &[Path::new(FALLBACK)])
+    Files::plane(args)
+        .writes([FALLBACK])
+        .check_apart()
         .map_err(|e| Error::usage("no display", e.to_string(), "add --headless --out F.png"))?;
     output::to_stderr(format_args!("no display: flying headless, see {FALLBACK}"));
     fly(flight, Path::new(FALLBACK), progress)

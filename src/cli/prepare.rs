@@ -272,16 +272,6 @@ pub(crate) fn no_lumen(volume: &Volume, lumen: &Lumen, hint: &str) -> Error {
     Error::incomplete("volume", format!("no gas of a colon was found in it{found}"), hint)
 }
 
-/// Rejects outputs of a command that would overwrite its input or each other, or whose folder is missing, before any work is done.
-///
-/// # Errors
-/// Returns status 2 if two paths are the same, status 5 if a folder is missing.
-pub(crate) fn check_files(input: Option<&Path>, out: &Path, beside: Option<&Path>) -> Result<()> {
-    let inputs: Vec<&Path> = input.into_iter().collect();
-    let outputs: Vec<&Path> = std::iter::once(out).chain(beside).collect();
-    output::check_targets(&inputs, &outputs)
-}
-
 /// Returns the file of a command that takes either a scan or the mask of a lumen, and true if it is the mask.
 ///
 /// # Errors

@@ -45,7 +45,6 @@ pub(crate) fn run(program: &Program, args: &RenderArgs, global: &Global, progres
         return Err(Error::usage("--no-reuse", why, "leave one of them out"));
     }
     let stats: Vec<&Path> = args.stats.iter().map(PathBuf::as_path).collect();
-    output::check_apart(&[&args.input, &args.poses], &[&[args.out.as_path()], &stats[..]].concat())?;
     let preset = prepare::preset(program, args.preset.as_deref(), Preset::default())?;
     let mut settings = prepare::quality(args.quality);
     settings.samples_per_pixel = args.samples.unwrap_or(1).min(4096) as u32;

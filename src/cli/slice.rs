@@ -4,6 +4,7 @@ use std::io;
 use std::path::Path;
 
 use crate::cli::args::{Global, ImageSize, SliceArgs};
+use crate::cli::files;
 use crate::cli::prepare;
 use crate::error::{Error, Result};
 use crate::host::record::write_grey_png;
@@ -54,7 +55,7 @@ pub(crate) fn run(args: &SliceArgs, global: &Global, progress: &Progress) -> Res
         let why = format!("pixel size {s} mm is out of range");
         return Err(Error::usage("--mm-per-pixel", why, "give a size in mm such as 0.5"));
     }
-    prepare::check_files(args.input.as_deref(), &args.out, None)?;
+    files::check_folders(&args.out, None)?;
     let volume = prepare::load_or_phantom(args.input.as_deref(), global, progress)?;
     let size = args.size.unwrap_or(ImageSize { width: 512, height: 512 });
     let slice = Slice {

@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 
 use crate::app::Timings;
 use crate::cli::args::{Global, SurfaceArgs};
+use crate::cli::files;
 use crate::cli::prepare::{self, say};
 use crate::error::{Error, Result};
 use crate::fields::lumen::Interior;
@@ -24,7 +25,7 @@ pub(crate) fn run(args: &SurfaceArgs, global: &Global, progress: &Progress) -> R
     if is_mask && args.from.is_some() {
         return Err(Error::usage("--from", "a mask holds nothing but lumen", "leave it out, or give a scan"));
     }
-    prepare::check_files(Some(input), &args.out, args.stats.as_deref())?;
+    files::check_folders(&args.out, args.stats.as_deref())?;
     let mut timings = Timings::default();
     let read = if is_mask { prepare::load_mask } else { prepare::load };
     let volume = read(input, global, &mut timings, progress)?;

@@ -22,7 +22,7 @@ const MOST: usize = 200;
 const LEVEL_HU: f64 = -200.0;
 const WIDTH_HU: f64 = 1500.0;
 /// Name of the page.
-pub(super) const PAGE: &str = "index.html";
+pub(crate) const PAGE: &str = "index.html";
 
 /// What the pictures are made of.
 pub(super) struct Scene<'a> {

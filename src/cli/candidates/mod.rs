@@ -1,6 +1,6 @@
 //! `colvis candidates`.
 
-mod gallery;
+pub(super) mod gallery;
 mod page;
 
 use std::collections::BTreeMap;
@@ -97,15 +97,14 @@ pub(crate) fn run(program: &Program, args: &CandidatesArgs, global: &Global, pro
     Ok(())
 }
 
-/// Rejects outputs that would overwrite the input or each other, and makes the gallery's folder.
+/// Rejects outputs whose folder is missing, and makes the gallery's folder.
 ///
 /// # Errors
-/// Returns status 2 if two paths are the same, status 5 if a folder is missing or cannot be made.
+/// Returns status 5 if a folder is missing or cannot be made.
 fn check_outputs(args: &CandidatesArgs) -> Result<()> {
     let files: Vec<&Path> = std::iter::once(&args.out).chain(&args.stats).map(PathBuf::as_path).collect();
-    let Some(folder) = &args.gallery else { return output::check_targets(&[&args.input], &files) };
-    let page = folder.join(gallery::PAGE);
-    output::check_apart(&[&args.input], &[&files[..], &[folder, &page]].concat())?;
-    output::make_folder(folder)?;
+    if let Some(folder) = &args.gallery {
+        output::make_folder(folder)?;
+    }
     output::check_folders(&files)
 }

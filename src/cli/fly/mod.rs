@@ -15,6 +15,7 @@ use crate::app::plan::triple;
 use crate::app::{Catalog, FlightApp, FlightRequest, ImageSettings, Overlay, Place, Scan, Scene, Steering, Timings};
 use crate::cli::Program;
 use crate::cli::args::{FlyArgs, Global, ImageSize, Point};
+use crate::cli::files::Files;
 use crate::cli::prepare::{self, say};
 use crate::components::flight::State;
 use crate::components::play::Direction;
@@ -62,7 +63,7 @@ pub(crate) fn run(program: &Program, args: &FlyArgs, global: &Global, progress: 
         args.record = Some(SHORT_FILM.to_owned());
         args.log = Some(PathBuf::from(SHORT_LOG));
         // Nobody named these: they must not take the place of what is to be read.
-        check_apart(&args)?;
+        Files::fly(&args).check_apart()?;
         return fly_with(program, &args, global, progress, Extent::Short);
     }
     fly_with(program, &args, global, progress, Extent::Asked)
@@ -112,7 +113,6 @@ fn check_files(args: &FlyArgs) -> Result<()> {
     if let Some(input) = args.input.as_deref().filter(|i| !i.exists()) {
         return Err(Error::file(input, "does not exist", "check the name, or see colvis --help for the commands"));
     }
-    check_apart(args)?;
     if let Some(mesh) = &args.coverage_mesh
         && MeshFormat::of(mesh).ok() != Some(MeshFormat::Ply)
     {
@@ -125,16 +125,6 @@ fn check_files(args: &FlyArgs) -> Result<()> {
         .into_iter()
         .filter_map(|f| f.as_deref());
     output::check_folders(&outputs.collect::<Vec<_>>())
-}
-
-/// Refuses outputs that would overwrite an input or each other.
-fn check_apart(args: &FlyArgs) -> Result<()> {
-    let record = args.record.as_ref().map(PathBuf::from);
-    let inputs = [&args.input, &args.replay, &args.scene, &args.play].into_iter().filter_map(|f| f.as_deref());
-    let outputs = [&args.log, &args.stats, &args.record_input, &args.coverage_mesh, &record]
-        .into_iter()
-        .filter_map(|f| f.as_deref());
-    output::check_apart(&inputs.collect::<Vec<_>>(), &outputs.collect::<Vec<_>>())
 }
 
 /// Where a flight is shown.
@@ -606,10 +596,11 @@ mod tests {
 
     #[test]
     fn outputs_must_not_overwrite_an_input_or_each_other() {
-        let refused = |arguments: &[&str]| check_apart(&parsed(arguments).0).is_err();
+        let refused = |arguments: &[&str]| Files::fly(&parsed(arguments).0).check_apart().is_err();
         assert!(refused(&["--log", "a.jsonl", "--stats", "a.jsonl"]));
         assert!(refused(&["scan.nii", "--log", "scan.nii"]));
         assert!(refused(&["--play", "a.jsonl", "--log", "a.jsonl"]));
+        assert!(refused(&["--review", "--answers", "a.json", "--stats", "a.json"]));
         assert!(!refused(&["scan.nii", "--log", "a.jsonl", "--stats", "b.json", "--record", "c.gif"]));
     }
 

@@ -3,6 +3,7 @@
 //! Each format has its own file. Shared code is in `raw` (bytes to HU), `source` (voxels from a section of a file,
 //! using no more memory than the file's size class), `frame` (headers to grids) and `text` (text headers).
 
+pub mod companions;
 mod deflate;
 #[cfg(feature = "dicom")]
 mod dicom;

@@ -122,6 +122,16 @@ pub(crate) fn write(path: &Path, grid: &Grid, voxels: Voxels, progress: &Progres
     }
 }
 
+/// The data file that [`write`](fn@write) writes beside a header; `None` for a format of one file.
+pub(super) fn data_file(path: &Path) -> Option<PathBuf> {
+    let ending = match format(path).ok()? {
+        Format::Mhd => "raw",
+        Format::Nhdr => "raw.gz",
+        Format::Nifti { .. } | Format::Mha | Format::Nrrd => return None,
+    };
+    beside(path, ending).ok().map(|(file, _)| file)
+}
+
 /// Returns the path of the data file beside a header, and its name as written in the header.
 fn beside(path: &Path, ending: &str) -> Result<(PathBuf, String)> {
     let mut name: OsString = path.file_stem().unwrap_or_default().to_owned();

@@ -1,0 +1,113 @@
+//! The files that a command reads and writes: none of its outputs may take the place of an input or of another output.
+
+use std::path::{Path, PathBuf};
+
+use crate::cli::args::{Args, Command, FlyArgs, PlaneArgs};
+use crate::cli::candidates::gallery;
+use crate::error::{Error, Result};
+use crate::output;
+use crate::volume::io::companions;
+
+/// The files and folders that a command line names, by what becomes of them.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Files {
+    read: Vec<PathBuf>,
+    written: Vec<PathBuf>,
+}
+
+impl Files {
+    /// Those of a command line. Commands of other crates check theirs themselves.
+    pub(super) fn of(args: &Args) -> Self {
+        let none = Self::default;
+        match &args.command {
+            None => Self::fly(&args.fly),
+            Some(Command::Fly(a)) => Self::fly(a),
+            // It reads what the flight would read, and writes nothing.
+            Some(Command::Explain(a)) => Self { written: Vec::new(), ..Self::fly(&a.fly) },
+            Some(Command::Render(a)) => none().reads([&a.input, &a.poses]).writes([&a.out]).writes(&a.stats),
+            Some(Command::Slice(a)) => none().reads(&a.input).writes([&a.out]),
+            Some(Command::Segment(a)) => none().reads([&a.input]).writes([&a.out]).writes(&a.stats),
+            Some(Command::Surface(a)) => none().reads(a.input.iter().chain(&a.mask)).writes([&a.out]).writes(&a.stats),
+            Some(Command::Cleanse(a)) => none().reads([&a.input]).writes([&a.out]).writes(&a.stats),
+            Some(Command::Centerline(a)) => {
+                none().reads(a.input.iter().chain(&a.mask)).writes([&a.out]).writes(&a.stats)
+            }
+            Some(Command::Candidates(a)) => {
+                let page = a.gallery.as_ref().map(|folder| folder.join(gallery::PAGE));
+                none().reads([&a.input]).writes([&a.out]).writes(&a.stats).writes(&a.gallery).writes(page)
+            }
+            Some(Command::Measure(a)) => none().reads([&a.input]).writes(&a.out).writes(&a.stats),
+            Some(Command::Phantom(a)) => none().writes([&a.out]).writes(&a.twin).writes(&a.labels).writes(&a.truth),
+            Some(Command::Info(a)) => none().reads([&a.input]),
+            Some(Command::Plane(a)) => Self::plane(a),
+            Some(Command::Report(a)) => none().reads(a.scan.iter().chain(&a.truth)).writes([&a.out]),
+            Some(Command::Own { .. }) => none(),
+        }
+    }
+
+    /// Those of a flight.
+    pub(super) fn fly(a: &FlyArgs) -> Self {
+        Self::default()
+            .reads(a.input.iter().chain(&a.replay).chain(&a.play).chain(&a.scene).chain(&a.answers))
+            .writes(a.record.as_ref().map(PathBuf::from))
+            .writes(a.log.iter().chain(&a.stats).chain(&a.record_input).chain(&a.coverage_mesh))
+    }
+
+    /// Those of a flight through a drawing.
+    pub(super) fn plane(a: &PlaneArgs) -> Self {
+        Self::default().reads(a.lumen.iter().chain(&a.scene)).writes(&a.out)
+    }
+
+    fn reads<P: AsRef<Path>>(mut self, paths: impl IntoIterator<Item = P>) -> Self {
+        self.read.extend(paths.into_iter().map(|p| p.as_ref().to_owned()));
+        self
+    }
+
+    /// Adds outputs.
+    pub(super) fn writes<P: AsRef<Path>>(mut self, paths: impl IntoIterator<Item = P>) -> Self {
+        self.written.extend(paths.into_iter().map(|p| p.as_ref().to_owned()));
+        self
+    }
+
+    /// Refuses outputs that would overwrite an input or each other, with the data files beside headers and the slices of folders.
+    ///
+    /// # Errors
+    /// Status 2.
+    pub(super) fn check_apart(&self) -> Result<()> {
+        let with = |paths: &[PathBuf], companion: fn(&Path) -> Option<PathBuf>| {
+            paths.iter().flat_map(|p| std::iter::once(p.clone()).chain(companion(p))).collect::<Vec<_>>()
+        };
+        let (read, written) = (with(&self.read, companions::read_with), with(&self.written, companions::written_with));
+        output::check_apart(&paths(&read), &paths(&written))?;
+        for file in written.iter().filter(|w| w.is_file()) {
+            if let Some(folder) = self.read.iter().find(|r| is_slice(r, file)) {
+                let why = format!("is a slice of {}, which is read", folder.display());
+                return Err(Error::usage(file.display().to_string(), why, "give it a name of its own"));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn paths(files: &[PathBuf]) -> Vec<&Path> {
+    files.iter().map(PathBuf::as_path).collect()
+}
+
+/// True if an existing file is a slice of what is read.
+fn is_slice(read: &Path, file: &Path) -> bool {
+    let real = |path: &Path| std::fs::canonicalize(path).ok();
+    let Some((folder, file)) = real(read).zip(real(file)) else { return false };
+    folder.is_dir() && file.starts_with(&folder) && companions::is_slice_of(&folder, &file)
+}
+
+/// Rejects outputs whose folder is missing, before any work is done.
+///
+/// # Errors
+/// Status 5.
+pub(super) fn check_folders(out: &Path, beside: Option<&Path>) -> Result<()> {
+    output::check_folders(&std::iter::once(out).chain(beside).collect::<Vec<_>>())
+}
+
+#[cfg(test)]
+#[path = "files_tests.rs"]
+mod tests;
