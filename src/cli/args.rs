@@ -7,7 +7,7 @@ use std::process::ExitCode;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
-use clap::{Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
+use clap::{ArgAction, Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 
 pub use crate::cli::phantom_args::{PhantomArgs, PhantomFeature, PhantomPosition, PhantomSize};
 pub use crate::cli::values::{Pair, Point, Triple};
@@ -447,8 +447,8 @@ impl Args {
     /// What is wrong with the arguments; also when help or the version is requested.
     pub(super) fn read(args: impl Iterator<Item = OsString>, program: &Program) -> Result<Self, ParseError> {
         let args: Vec<OsString> = args.collect();
-        unbuilt::check_command(&args, command_place(&args)).map_err(ParseError::NotBuilt)?;
         let command = command(program);
+        unbuilt::check_command(&args, command_place(&args, &command)).map_err(ParseError::NotBuilt)?;
         let args = command_first(args, &command);
         let mut matches = command.try_get_matches_from(args).map_err(ParseError::Line)?;
         let own = matches.subcommand_name().filter(|n| program.commands.iter().any(|c| c.name == *n));
@@ -596,7 +596,7 @@ pub enum ReportSubject {
 /// Moves the command to the front, so that global options may precede it. clap would take the command for an input there,
 /// because `colvis INPUT` is a flight.
 fn command_first(mut args: Vec<OsString>, command: &clap::Command) -> Vec<OsString> {
-    let at = command_place(&args);
+    let at = command_place(&args, command);
     let is_command = |a: &OsString| command.get_subcommands().any(|c| a.as_os_str() == c.get_name());
     if at > 1 && args.get(at).is_some_and(is_command) {
         args[1..=at].rotate_right(1);
@@ -605,18 +605,15 @@ fn command_first(mut args: Vec<OsString>, command: &clap::Command) -> Vec<OsStri
 }
 
 /// Position of the command: after the global options at the start of the line.
-fn command_place(args: &[OsString]) -> usize {
+fn command_place(args: &[OsString], command: &clap::Command) -> usize {
     let mut at = 1;
     while let Some(arg) = args.get(at).and_then(|a| a.to_str()) {
-        let takes_value = ["--threads", "--wall", "--spacing", "--hu", "--series", "--fov", "--camera", "--seed"];
-        let name = arg.split('=').next().unwrap_or(arg);
-        if takes_value.contains(&name) {
-            at += if arg.contains('=') { 1 } else { 2 };
-        } else if arg == "--allow-gaps" {
-            at += 1;
-        } else {
-            break;
-        }
+        let (name, value) = arg.split_once('=').map_or((arg, None), |(name, value)| (name, Some(value)));
+        let long = name.strip_prefix("--");
+        let global = command.get_arguments().find(|a| a.is_global_set() && a.get_long() == long && long.is_some());
+        let Some(global) = global else { break };
+        let takes_value = matches!(global.get_action(), ArgAction::Set | ArgAction::Append);
+        at += if takes_value && value.is_none() { 2 } else { 1 };
     }
     at
 }
@@ -691,6 +688,41 @@ mod tests {
         {
             assert_eq!(moved(as_it_is), as_it_is);
         }
+    }
+
+    #[test]
+    fn every_global_option_may_precede_every_command() {
+        let all = command(&Program::default());
+        let mut options: Vec<Vec<String>> = Vec::new();
+        for option in all.get_arguments().filter(|a| a.is_global_set()) {
+            let name = format!("--{}", option.get_long().unwrap());
+            if matches!(option.get_action(), ArgAction::SetTrue) {
+                options.push(vec![name]);
+            } else {
+                options.push(vec![format!("{name}=1,2")]);
+                options.push(vec![name, "1,2".to_owned()]);
+            }
+        }
+        assert!(options.len() > 15, "{options:?}");
+        let together = options.concat();
+        options.push(together);
+        let place = |line: &[String]| command_place(&line.iter().map(OsString::from).collect::<Vec<_>>(), &all);
+        for option in options {
+            let line = |rest: &[&str]| {
+                let rest = rest.iter().map(|r| (*r).to_owned());
+                std::iter::once("colvis".to_owned()).chain(option.clone()).chain(rest).collect::<Vec<_>>()
+            };
+            for command in all.get_subcommands() {
+                let moved = command_first(line(&[command.get_name(), "v"]).iter().map(OsString::from).collect(), &all);
+                let expected = [&["colvis".to_owned(), command.get_name().to_owned()][..], &option, &["v".to_owned()]];
+                assert_eq!(moved, expected.concat().iter().map(OsString::from).collect::<Vec<_>>());
+            }
+            let planned = Program::default().parse(line(&["unfold"]));
+            assert!(matches!(planned, Err(ParseError::NotBuilt(_))), "{option:?}");
+            assert_eq!(place(&line(&["scan.nii"])), option.len() + 1, "an input is no option");
+        }
+        let read = Program::default().parse(["colvis", "--cleanse", "--allow-gaps", "info", "v.nii"]).unwrap();
+        assert!(matches!(read.command, Some(Command::Info(_))) && read.global.cleanse && read.global.allow_gaps);
     }
 
     #[test]
