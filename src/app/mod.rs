@@ -4,6 +4,7 @@
 //! flight steps it, renders its view, and passes on the operator's commands.
 
 pub(crate) mod catalog;
+pub(crate) mod colon;
 pub mod explain;
 pub(crate) mod fields;
 pub(crate) mod flight;

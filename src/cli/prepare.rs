@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::app::scan::check_thick;
-use crate::app::{OpenOptions, Scan, Timings};
+use crate::app::{OpenOptions, Scan, Timings, colon};
 use crate::cli::Program;
 use crate::cli::args::{Global, QualityName};
 use crate::error::{Error, Result};
@@ -233,34 +233,12 @@ pub(crate) fn cleansed_lumen(
     if found.segments.is_empty() {
         return Err(no_lumen(volume, &found, "give --from and a point in the colon"));
     }
-    found.close_septa(volume);
-    if with_along {
-        timings.time("along_s", || found.along(volume, progress))?;
-    }
-    let mut cleansed = timings.time("cleanse_s", || cleanse::cleanse(volume, &found, progress))?;
-    if cleansed.changes.is_empty() {
-        return Ok((found, None));
-    }
-    say(&cleansed.to_string());
-    cleansed.changes.exchange(volume);
-    let again = || match from {
+    let again = |volume: &Volume| match from {
         Some(p) => lumen::gas_at(volume, p, progress),
         None => lumen::find(volume, progress).map(Some),
     };
-    // Where there was gas there is gas still.
-    let Some(mut lumen) = timings.time("cleansed_lumen_s", again)? else { return Ok((found, Some(cleansed))) };
-    lumen.close_septa(volume);
-    cleanse::keep_ends(&mut lumen, &found);
-    lumen.keep_along(&found);
-    Ok((lumen, Some(cleansed)))
-}
-
-/// A scan and its lumen without what is farther than `beyond_mm` from the lumen, in less memory.
-pub(crate) fn around(volume: Volume, lumen: Lumen, beyond_mm: f64) -> (Volume, Lumen) {
-    match lumen.around(beyond_mm) {
-        Some((first, dims)) => (volume.into_part(first, dims), lumen.into_part(first, dims)),
-        None => (volume, lumen),
-    }
+    let taken = |cleansed: &Cleansed| say(&cleansed.to_string());
+    colon::without_tag(volume, found, with_along, again, taken, timings, progress)
 }
 
 /// The failure of a command that found no colon in a scan. Values that are no HU are named before what was found by them.

@@ -96,13 +96,17 @@ fn one(
             let truth = args.truth.as_deref().map(candidates::read_truth).transpose()?;
             let own = match args.scan.as_deref().zip(truth) {
                 Some((path, (polyps, decoys))) => {
-                    let (title, volume) = scan(path, global, progress)?;
+                    // The tag is taken out of it in any case, and not twice.
+                    let global = Global { cleanse: false, ..global.clone() };
+                    let (title, volume) = scan(path, &global, progress)?;
                     Some(candidates::Own { title, volume, polyps, decoys })
                 }
                 None => None,
             };
             let detectors = &program.catalog.detectors;
-            candidates::report(Effort::new(args.quick), global.seed.unwrap_or(1), detectors, own, folder, progress)
+            let (effort, seed, transfer) =
+                (Effort::new(args.quick), global.seed.unwrap_or(1), prepare::transfer(global)?);
+            candidates::report(effort, seed, detectors, transfer, own, folder, progress)
         }
         ReportSubject::Fields => {
             let scan = args.scan.as_deref().map(|s| scan(s, global, progress)).transpose()?;

@@ -11,6 +11,7 @@ use serde::Serialize;
 use serde_json::json;
 
 use crate::app::Timings;
+use crate::app::colon::{self, WALL_MM};
 use crate::cli::Program;
 use crate::cli::args::{CandidatesArgs, Global};
 use crate::cli::prepare;
@@ -55,8 +56,7 @@ impl Entry {
     }
 }
 
-/// How far beyond the lumen the scan is kept, mm: for the wall and what is inside of it, and for pictures.
-const WALL_MM: f64 = 15.0;
+/// How far beyond the lumen the scan is kept for pictures, mm.
 const PICTURE_MM: f64 = 50.0;
 
 /// Runs the command.
@@ -75,7 +75,7 @@ pub(crate) fn run(program: &Program, args: &CandidatesArgs, global: &Global, pro
     let (lumen, _) = prepare::cleansed_lumen(&mut volume, args.from.map(|p| p.0), true, &mut timings, progress)?;
     let along = lumen.along(&volume, progress)?;
     let beyond = if args.gallery.is_some() { PICTURE_MM } else { WALL_MM };
-    let (volume, lumen) = prepare::around(volume, lumen, beyond);
+    let (volume, lumen) = colon::around(volume, lumen, beyond);
     let wall = timings.time("wall_s", || Wall::new(&volume, &lumen, transfer.iso(), progress))?;
     let colon = Colon { volume: &volume, lumen: &lumen, wall: &wall };
     let mut found = timings.time("candidates_s", || polyps::find(&detector, &colon, progress))?;
@@ -107,4 +107,46 @@ fn check_outputs(args: &CandidatesArgs) -> Result<()> {
         output::make_folder(folder)?;
     }
     output::check_folders(&files)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::args::Command;
+    use crate::phantom::{Phantom, PhantomSettings, Size};
+    use crate::report::candidates::found_by;
+    use crate::volume::io::{self, LoadOptions};
+
+    /// The report measures the same pipeline that the command runs.
+    #[test]
+    fn the_command_and_its_report_find_the_same_candidates() {
+        let (dir, progress) = (tempfile::tempdir().unwrap(), Progress::new());
+        let [scan, list] = ["scan.nii", "list.json"].map(|n| dir.path().join(n).to_string_lossy().into_owned());
+        let settings = PhantomSettings {
+            size: Size::Small,
+            lesions: true,
+            polyps: false,
+            pools: true,
+            films: true,
+            touching: true,
+            ..PhantomSettings::default()
+        };
+        let phantom = Phantom::new(&settings);
+        io::save(Path::new(&scan), &phantom.voxelise(&phantom.grid(), &progress).unwrap(), &progress).unwrap();
+        let program = Program::default();
+        let line = ["colvis", "candidates", &scan, "--out", &list, "--wall=-800,-550"];
+        let args = program.parse(line).unwrap();
+        let Some(Command::Candidates(candidates)) = args.command else { panic!("{:?}", args.command) };
+        run(&program, &candidates, &args.global, &progress).unwrap();
+        let listed: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&list).unwrap()).unwrap();
+        let listed: Vec<(DVec3, f64)> = listed["candidates"].as_array().unwrap().iter().map(|c| {
+            let position = serde_json::from_value(c["position"].clone()).unwrap();
+            (position, c["score"].as_f64().unwrap())
+        }).collect();
+        let volume = io::load(Path::new(&scan), &LoadOptions::default(), &progress).unwrap().volume;
+        let transfer = prepare::transfer(&args.global).unwrap();
+        let mut found = found_by(&detectors::BUILT_IN[..1], volume, transfer, &progress).unwrap();
+        let found: Vec<(DVec3, f64)> = found.remove(0).0.iter().map(|c| (c.position, c.score)).collect();
+        assert!(found.len() > 5 && listed == found, "{} and {}", listed.len(), found.len());
+    }
 }

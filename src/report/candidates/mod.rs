@@ -9,10 +9,11 @@ use glam::{DMat3, DVec3};
 use serde::Deserialize;
 
 use super::{Effort, timed};
+use crate::app::{Timings, colon};
 use crate::error::{Error, Result};
-use crate::fields::{cleanse, lumen};
+use crate::fields::lumen;
 use crate::phantom::{Phantom, PhantomSettings, Scanner, Size, TrueDecoy, TruePolyp};
-use crate::polyps::{self, Colon, Detector, Wall};
+use crate::polyps::{self, Candidate, Colon, Detector, Wall};
 use crate::progress::Progress;
 use crate::space::TransferFunction;
 use crate::volume::{Grid, Volume};
@@ -118,25 +119,26 @@ pub(crate) fn report(
     effort: Effort,
     seed: u64,
     detectors: &[Detector],
+    transfer: TransferFunction,
     own: Option<Own>,
     folder: &Path,
     progress: &Progress,
 ) -> Result<Vec<String>> {
     let size = effort.choose(Size::Small, Size::Standard);
     let first = HELD_APART - 1 + seed;
-    let usual = measured(size, first..first + effort.choose(2, 24), &Scan::default(), detectors, progress)?;
+    let usual = measured(size, first..first + effort.choose(2, 24), &Scan::default(), detectors, transfer, progress)?;
     let mut steps = Vec::new();
     for factor in &FACTORS {
         for &value in effort.choose(&factor.values[..0], factor.values) {
             let mut scan = Scan::default();
             (factor.set)(&mut scan, value);
-            let measured = measured(size, first..first + 4, &scan, detectors, progress)?;
+            let measured = measured(size, first..first + 4, &scan, detectors, transfer, progress)?;
             steps.push(Step { name: factor.name, value, unit: factor.unit, measured });
         }
     }
     let own = match own {
         Some(Own { title, volume, polyps, decoys }) => {
-            let found = trials_of(volume, &polyps, &decoys, detectors, progress)?;
+            let found = trials_of(volume, &polyps, &decoys, detectors, transfer, progress)?;
             Some((title, collected(detectors, vec![found])))
         }
         None => None,
@@ -172,6 +174,7 @@ fn measured(
     seeds: std::ops::Range<u64>,
     scan: &Scan,
     detectors: &[Detector],
+    transfer: TransferFunction,
     progress: &Progress,
 ) -> Result<Vec<Measured>> {
     let mut runs = Vec::new();
@@ -200,35 +203,51 @@ fn measured(
         let volume = phantom.voxelise(&grid, progress)?;
         let truth = phantom.truth();
         drop(phantom);
-        runs.push(trials_of(volume, &truth.polyps, &truth.decoys, detectors, progress)?);
+        runs.push(trials_of(volume, &truth.polyps, &truth.decoys, detectors, transfer, progress)?);
         progress.check()?;
     }
     Ok(collected(detectors, runs))
 }
 
-/// Cleanses a scan and runs the detectors on it.
+/// Runs the detectors on a scan with its truth.
 fn trials_of(
-    mut volume: Volume,
+    volume: Volume,
     polyps: &[TruePolyp],
     decoys: &[TrueDecoy],
     detectors: &[Detector],
+    transfer: TransferFunction,
     progress: &Progress,
 ) -> Result<Vec<Run>> {
-    let mut found = lumen::find(&volume, progress)?;
-    let mut cleansed = cleanse::cleanse(&volume, &found, progress)?;
-    if !cleansed.changes.is_empty() {
-        cleansed.changes.exchange(&mut volume);
-        found = lumen::find(&volume, progress)?;
-    }
-    drop(cleansed);
+    let runs = found_by(detectors, volume, transfer, progress)?.into_iter();
+    let run = |(candidates, seconds, megabytes)| {
+        let trial = Trial::new(polyps.to_vec(), decoys.to_vec(), candidates);
+        Run { seconds, megabytes, trial }
+    };
+    Ok(runs.map(run).collect())
+}
+
+/// Returns what each detector finds in a scan, as `colvis candidates` does, with the time, s, and memory, MB, beyond the colon.
+///
+/// # Errors
+/// Returns status 4 if interrupted, or a detector's error.
+pub(crate) fn found_by(
+    detectors: &[Detector],
+    mut volume: Volume,
+    transfer: TransferFunction,
+    progress: &Progress,
+) -> Result<Vec<(Vec<Candidate>, f64, Option<f64>)>> {
+    let found = lumen::find(&volume, progress)?;
+    let again = |volume: &Volume| lumen::find(volume, progress).map(Some);
+    let mut untimed = Timings::default();
+    let (lumen, _) = colon::without_tag(&mut volume, found, false, again, |_| (), &mut untimed, progress)?;
+    let (volume, lumen) = colon::around(volume, lumen, colon::WALL_MM);
     let run = |detector: &Detector| {
         let work = || {
-            let wall = Wall::new(&volume, &found, TransferFunction::default().iso(), progress)?;
-            polyps::find(detector, &Colon { volume: &volume, lumen: &found, wall: &wall }, progress)
+            let wall = Wall::new(&volume, &lumen, transfer.iso(), progress)?;
+            polyps::find(detector, &Colon { volume: &volume, lumen: &lumen, wall: &wall }, progress)
         };
         let (candidates, seconds, megabytes) = timed(work);
-        let trial = Trial::new(polyps.to_vec(), decoys.to_vec(), candidates?);
-        Ok(Run { seconds, megabytes, trial })
+        Ok((candidates?, seconds, megabytes))
     };
     detectors.iter().map(run).collect()
 }

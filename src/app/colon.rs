@@ -1,0 +1,54 @@
+//! The colon that candidates are looked for in: without its tag, and cut out of the scan.
+
+use crate::app::Timings;
+use crate::error::Result;
+use crate::fields::Lumen;
+use crate::fields::cleanse::{self, Cleansed};
+use crate::progress::Progress;
+use crate::volume::Volume;
+
+/// How far beyond the lumen the scan is kept for the wall and what is inside of it, mm.
+pub(crate) const WALL_MM: f64 = 15.0;
+
+/// Takes the tag out of `volume`, whose lumen is `found`. Returns the lumen without tag, and what was taken, with the values that the
+/// scan had. `again` finds the lumen in the changed scan; `taken` is told what was taken before that. `with_along` measures along the
+/// scan as it is.
+///
+/// # Errors
+/// Returns status 4 if interrupted, or an error of `again`.
+pub(crate) fn without_tag(
+    volume: &mut Volume,
+    found: Lumen,
+    with_along: bool,
+    again: impl FnOnce(&Volume) -> Result<Option<Lumen>>,
+    taken: impl FnOnce(&Cleansed),
+    timings: &mut Timings,
+    progress: &Progress,
+) -> Result<(Lumen, Option<Cleansed>)> {
+    found.close_septa(volume);
+    if with_along {
+        timings.time("along_s", || found.along(volume, progress))?;
+    }
+    let mut cleansed = timings.time("cleanse_s", || cleanse::cleanse(volume, &found, progress))?;
+    if cleansed.changes.is_empty() {
+        return Ok((found, None));
+    }
+    taken(&cleansed);
+    cleansed.changes.exchange(volume);
+    // Where there was gas there is gas still.
+    let Some(mut lumen) = timings.time("cleansed_lumen_s", || again(volume))? else {
+        return Ok((found, Some(cleansed)));
+    };
+    lumen.close_septa(volume);
+    cleanse::keep_ends(&mut lumen, &found);
+    lumen.keep_along(&found);
+    Ok((lumen, Some(cleansed)))
+}
+
+/// A scan and its lumen without what is farther than `beyond_mm` from the lumen, in less memory.
+pub(crate) fn around(volume: Volume, lumen: Lumen, beyond_mm: f64) -> (Volume, Lumen) {
+    match lumen.around(beyond_mm) {
+        Some((first, dims)) => (volume.into_part(first, dims), lumen.into_part(first, dims)),
+        None => (volume, lumen),
+    }
+}
