@@ -15,11 +15,11 @@ mod measure;
 mod score;
 mod wall;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::DVec3;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::fields::Lumen;
 use crate::panics::ask_plugin;
 use crate::progress::Progress;
@@ -31,6 +31,8 @@ pub use measure::{Form, Measurement, measure};
 pub use score::{TERMS, Term, score, terms};
 pub use wall::{SMOOTH_MM, Wall};
 
+/// A candidate's place must be about this near to the wall, mm: more than the radius of a large polyp.
+const WALL_MM: f64 = 10.0;
 /// Candidates nearer to a better one than this are the same place, mm.
 const SAME_MM: f64 = 5.0;
 
@@ -70,19 +72,21 @@ pub struct Detector {
     pub name: &'static str,
     /// A one-sentence description for users.
     pub summary: &'static str,
-    /// Returns the candidates in a colon, in any order. The same colon must give the same candidates on any number of threads.
+    /// Returns the candidates in a colon, in any order. Their places must be on its wall. The same colon must give the same candidates on any number of threads.
     pub find: fn(&Colon<'_>, &Progress) -> Result<Vec<Candidate>>,
 }
 
 /// Runs a detector. Returns its candidates with the best first, one for each place.
 ///
 /// # Errors
-/// Returns the detector's error, or status 1 if it panics.
+/// Returns the detector's error, or status 1 if it panics, or if a place is not finite, outside the scan or far from the wall.
 pub fn find(detector: &Detector, colon: &Colon<'_>, progress: &Progress) -> Result<Vec<Candidate>> {
     progress.stage("looking for polyps", 0);
     let found = ask_plugin(|| format!("detector {}", detector.name), || (detector.find)(colon, progress))?;
-    let mut found: Vec<Candidate> =
-        found.into_iter().filter(|c| c.position.is_finite() && c.score.is_finite()).collect();
+    if let Some(why) = misplaced(&found, colon) {
+        return Err(Error::fault(format!("detector {}", detector.name), why, "fix it, or do without it"));
+    }
+    let mut found: Vec<Candidate> = found.into_iter().filter(|c| c.score.is_finite()).collect();
     let key = |c: &Candidate| c.position.to_array();
     found.sort_by(|a, b| {
         let [p, q] = [key(a), key(b)];
@@ -91,19 +95,62 @@ pub fn find(detector: &Detector, colon: &Colon<'_>, progress: &Progress) -> Resu
     let mut kept: Vec<Candidate> = Vec::new();
     // What was kept, by cells of that size: a detector may return every vertex.
     let mut cells: BTreeMap<[i64; 3], Vec<usize>> = BTreeMap::new();
-    let cell = |p: DVec3| (p / SAME_MM).floor().to_array().map(|x| x as i64);
     for c in found {
-        let [x, y, z] = cell(c.position);
-        let mut near = (0..27).filter_map(|n| {
-            let [i, j, k] = [n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1];
-            cells.get(&[x.saturating_add(i), y.saturating_add(j), z.saturating_add(k)])
-        });
+        let at = cell(c.position, SAME_MM);
+        let mut near = beside(at).filter_map(|n| cells.get(&n));
         if near.all(|own| own.iter().all(|&k| kept[k].position.distance(c.position) >= SAME_MM)) {
-            cells.entry([x, y, z]).or_default().push(kept.len());
+            cells.entry(at).or_default().push(kept.len());
             kept.push(c);
         }
     }
     Ok(kept)
+}
+
+/// The cell of a place, in cells of `mm`.
+fn cell(place: DVec3, mm: f64) -> [i64; 3] {
+    (place / mm).floor().to_array().map(|x| x as i64)
+}
+
+/// A cell and the 26 beside it.
+fn beside([x, y, z]: [i64; 3]) -> impl Iterator<Item = [i64; 3]> {
+    (0..27).map(move |n| {
+        let [i, j, k] = [n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1];
+        [x.saturating_add(i), y.saturating_add(j), z.saturating_add(k)]
+    })
+}
+
+/// Returns what is wrong with the places of candidates: the first that is not on the wall.
+fn misplaced(found: &[Candidate], colon: &Colon<'_>) -> Option<String> {
+    if found.is_empty() {
+        return None;
+    }
+    let grid = colon.volume.grid();
+    let last = DVec3::from_array(grid.dims().map(|n| n as f64 - 1.0));
+    // Cells that hold wall: a place without any in its cell and those beside it is farther from it than a cell's edge.
+    let mut walled = BTreeSet::new();
+    let mut before = None;
+    for vertex in 0..colon.wall.len() as u32 {
+        let at = cell(colon.wall.world(vertex), WALL_MM);
+        // Vertices that follow each other are near to each other.
+        if before.replace(at) != Some(at) {
+            walled.insert(at);
+        }
+    }
+    found.iter().map(|c| c.position).find_map(|p| {
+        let voxel = grid.voxel(p);
+        let why = if !p.is_finite() {
+            return Some("returned a place that is not finite".to_owned());
+        } else if voxel.cmplt(DVec3::splat(-1.0)).any() || voxel.cmpgt(last + 1.0).any() {
+            "outside the scan"
+        } else if !beside(cell(p, WALL_MM)).any(|n| walled.contains(&n)) {
+            "far from the wall"
+        } else {
+            return None;
+        };
+        // Not with 300 digits.
+        let of = |x: f64| if x.abs() < 1e6 { format!("{x:.1}") } else { format!("{x:.1e}") };
+        Some(format!("returned a place {why}: {},{},{} mm", of(p.x), of(p.y), of(p.z)))
+    })
 }
 
 #[cfg(test)]

@@ -152,22 +152,57 @@ fn detectors_find_balls_and_no_ridge_and_the_order_is_theirs() {
 fn what_a_detector_returns_is_put_in_order_and_one_is_left_for_each_place() {
     fn odd(_: &Colon<'_>, _: &Progress) -> Result<Vec<Candidate>> {
         let at = |x: f64, score| Candidate::new(DVec3::new(x, 0.0, 0.0), score);
-        Ok(vec![at(0.0, 1.0), at(3.0, 2.0), at(20.0, f64::NAN), at(f64::NAN, 9.0), at(40.0, 1.0), at(30.0, 1.0)])
+        Ok(vec![at(-18.0, 1.0), at(-15.0, 2.0), at(0.0, f64::NAN), at(12.0, 1.0), at(5.0, 1.0)])
     }
     fn broken(_: &Colon<'_>, _: &Progress) -> Result<Vec<Candidate>> {
         panic!("a bug")
     }
-    let volume = scan(DVec3::splat(8.0), DVec3::ONE, 0.0, |p| p.length() - 3.0);
-    let (lumen, wall) = (Lumen::none(volume.grid()), Wall::default());
+    let volume = scan(ROOM, DVec3::ONE, 0.0, room(|_| f64::NEG_INFINITY));
+    let (lumen, wall) = wall_at(&volume, DVec3::new(0.0, 0.0, 15.0));
     let colon = Colon { volume: &volume, lumen: &lumen, wall: &wall };
     let detector = |find| Detector { name: "own", summary: "", find };
     let found = find(&detector(odd), &colon, &Progress::new()).unwrap();
     let places: Vec<(f64, f64)> = found.iter().map(|c| (c.position.x, c.score)).collect();
-    assert_eq!(places, [(3.0, 2.0), (30.0, 1.0), (40.0, 1.0)]);
+    assert_eq!(places, [(-15.0, 2.0), (5.0, 1.0), (12.0, 1.0)]);
     let e = find(&detector(broken), &colon, &Progress::new()).unwrap_err().to_string();
     assert!(e.contains("detector own") && e.contains("a bug"), "{e}");
+    let (lumen, wall) = (Lumen::none(volume.grid()), Wall::default());
+    let colon = Colon { volume: &volume, lumen: &lumen, wall: &wall };
     for detector in &detectors::BUILT_IN {
         assert_eq!(find(detector, &colon, &Progress::new()).unwrap(), [], "no wall, no candidate: {}", detector.name);
+    }
+}
+
+/// A candidate at `$x`, 0, `$z` beside one on the wall.
+macro_rules! at {
+    ($x:expr, $z:expr) => {
+        |_: &Colon<'_>, _: &Progress| {
+            Ok(vec![Candidate::new(DVec3::ZERO, 1.0), Candidate::new(DVec3::new($x, 0.0, $z), 0.5)])
+        }
+    };
+}
+
+#[test]
+fn places_that_are_not_on_the_wall_are_a_fault_of_the_detector() {
+    let volume = scan(ROOM.with_z(100.0), DVec3::ONE, 0.0, room(|_| f64::NEG_INFINITY));
+    let (lumen, wall) = wall_at(&volume, DVec3::new(0.0, 0.0, 15.0));
+    let colon = Colon { volume: &volume, lumen: &lumen, wall: &wall };
+    type Find = fn(&Colon<'_>, &Progress) -> Result<Vec<Candidate>>;
+    let found = |find: Find| super::find(&Detector { name: "own", summary: "", find }, &colon, &Progress::new());
+    // The centre of a large polyp is no fault.
+    for on_the_wall in [at!(15.0, 0.0), at!(15.0, 8.0) as Find, at!(15.0, -6.0)] {
+        assert_eq!(found(on_the_wall).unwrap().len(), 2);
+    }
+    for (off_the_wall, why) in [
+        (at!(1e6, 0.0) as Find, "outside the scan: 1.0e6,0.0,0.0 mm"),
+        (at!(0.0, 1e300), "outside the scan: 0.0,0.0,1.0e300 mm"),
+        (at!(0.0, -70.0), "outside the scan: 0.0,0.0,-70.0 mm"),
+        (at!(f64::NAN, 0.0), "not finite"),
+        (at!(0.0, f64::INFINITY), "not finite"),
+        (at!(0.0, -40.0), "far from the wall: 0.0,0.0,-40.0 mm"),
+    ] {
+        let e = found(off_the_wall).unwrap_err();
+        assert!(e.kind as u8 == 1 && e.what == "detector own" && e.why.ends_with(why), "{e}");
     }
 }
 
