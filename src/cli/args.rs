@@ -186,6 +186,9 @@ pub struct FlyArgs {
     /// path [default: as you left them]
     #[arg(long, value_parser = ["flight", "reading", "slices", "across"])]
     pub layout: Option<String>,
+    /// Method that finds polyps in the window [default: shape]
+    #[arg(long, value_name = "DETECTOR")]
+    pub detector: Option<String>,
     /// Overlays to draw into the recording, or to show when the window opens (the list of keys names them)
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub overlay: Vec<String>,
@@ -493,7 +496,10 @@ pub(super) fn command(program: &Program) -> clap::Command {
     let cameras: Vec<_> = catalog.cameras.iter().map(|c| (c.name, c.summary)).collect();
     let detectors: Vec<_> = catalog.detectors.iter().map(|d| (d.name, d.summary)).collect();
     let renders = |c| choices(c, "preset", "Renderer", &presets);
-    let flies = |c| choices(renders(c), "guide", "Steering method", &guides);
+    let flies = |c| {
+        let what = "Method that finds polyps in the window";
+        choices(choices(renders(c), "guide", "Steering method", &guides), "detector", what, &detectors)
+    };
     let window = |c: clap::Command| c.after_help(keys(program));
     let all = Args::command().subcommands(program.commands.iter().map(|c| c.line()));
     choices(window(flies(all)), "camera", "Camera model", &cameras)

@@ -74,7 +74,7 @@ pub use own::Session;
 /// | [`shader`](Self::shader) | shading of the wall | `[render] shade` |
 /// | [`overlay`](Self::overlay) | marks over the picture | its key, `fly --overlay` |
 /// | `panel` | a part of the window | its key, the menu |
-/// | [`detector`](Self::detector) | a method that finds polyps | `candidates --detector`, `report candidates` |
+/// | [`detector`](Self::detector) | a method that finds polyps | `--detector` of `candidates` and `fly`, `report candidates` |
 /// | [`plugin`](Self::plugin) | systems, views, post-processes | every flight |
 /// | [`command`](Self::command) | a command | its name |
 ///
@@ -125,7 +125,8 @@ impl Program {
         Self { catalog: self.catalog.look(look), ..self }
     }
 
-    /// Adds a detector of polyps: to `candidates --detector`, and to `report candidates`, which measures it beside the others.
+    /// Adds a detector of polyps: to `--detector` of `candidates` and of the window, and to `report candidates`, which measures
+    /// it beside the others.
     #[must_use]
     pub fn detector(self, detector: Detector) -> Self {
         Self { catalog: self.catalog.detector(detector), ..self }

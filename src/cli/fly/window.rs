@@ -16,6 +16,7 @@ use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
 use crate::host::window::{self, Resume};
 use crate::progress::Progress;
+use crate::polyps::detectors;
 
 /// Flies in a window.
 pub(crate) fn fly(
@@ -48,6 +49,7 @@ pub(crate) fn fly(
             replay: None,
             play: None,
             rate: None,
+        detector: program.catalog.find_detector(args.detector.as_deref().unwrap_or(detectors::BUILT_IN[0].name))?,
             coverage: false,
             coverage_mesh: None,
             ..own_args.clone()

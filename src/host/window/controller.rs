@@ -48,6 +48,7 @@ use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
 use crate::host::headless;
 use crate::output;
+use crate::polyps::{Detector, detectors};
 #[cfg(test)]
 use crate::render::Frame;
 use crate::render::ImageSize;
@@ -97,6 +98,8 @@ pub(crate) struct FlightController {
     cleansing: Cleansing,
     /// Looks for polyps, once it was asked for.
     assistant: Option<Box<Assistant>>,
+    /// The method that finds polyps.
+    detector: Detector,
     /// The file of the answers to this scan's candidates.
     answers_file: Option<PathBuf>,
     /// The kinds of gas, found once somebody asks for them.
@@ -178,6 +181,7 @@ impl FlightController {
             planning: None,
             cleansing: Cleansing::new(),
             assistant: None,
+            detector: detectors::BUILT_IN[0],
             answers_file: None,
             kinds,
             seen: Seen::new(now),

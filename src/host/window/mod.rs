@@ -51,6 +51,7 @@ use crate::app::{FlightApp, Overlay};
 use crate::error::{Error, Result};
 use crate::host::frames::FrameStats;
 use crate::panics::catch_panic;
+use crate::polyps::Detector;
 use crate::progress::Progress;
 use crate::render::ImageSize;
 use crate::schedule::Guides;
@@ -151,6 +152,8 @@ pub(crate) struct Launch {
     pub overlays: Vec<Overlay>,
     /// Guides that the operator can switch to: those of the flight's scene.
     pub guides: Guides,
+    /// The method that finds polyps.
+    pub detector: Detector,
     /// Available panels.
     pub panels: Vec<PanelEntry>,
     /// Layout of the panels; the last used one if `None`.

@@ -35,6 +35,7 @@ use crate::app::Overlay;
 use crate::components::slices::Orientation;
 use crate::error::{Error, Result};
 use crate::host::log::Log;
+use crate::polyps::Detector;
 use crate::output;
 use crate::progress::Progress;
 use crate::render::ImageSize;
@@ -119,6 +120,7 @@ pub(crate) struct Shell {
     progress: Arc<Progress>,
     saveable: WakeUp,
     presented: PresentTimer,
+    detector: Detector,
     overlays: Vec<Overlay>,
     actions: Rc<Actions>,
     /// The error in the settings file.
@@ -188,6 +190,7 @@ impl Shell {
             progress,
             saveable,
             presented: PresentTimer::default(),
+            detector: launch.detector,
             overlays: launch.overlays,
             actions: Rc::new(actions),
             unsettled,
@@ -368,9 +371,9 @@ impl Shell {
         }
         let mut controller =
             FlightController::new(flight, Arc::clone(&self.saveable), overlays, Rc::clone(&self.actions))?;
-        let name = self.scan.as_deref().and_then(Path::file_name);
-        let file = |folder: &str| name.and_then(|name| Folder::State.file(Path::new(folder).join(name)));
-        let (measures, unread) = Measures::open(file("measures"));
+        controller.set_detector(self.detector);
+        let files = ScanFiles::of(self.scan.as_deref(), self.resume);
+        let (measures, unread) = Measures::open(files.measures);
         controller.set_measures(measures);
         controller.set_answers_file(file("answers"));
         // A flight that repeats another does not take what was said before, and must not overwrite it.

@@ -18,8 +18,8 @@ use super::job::Job;
 use super::screenshot_renderer::WakeUp;
 use crate::app::FlightApp;
 use crate::error::{Error, Result};
-use crate::polyps::Measurement;
 use crate::polyps::answers::{Answer, Answers};
+use crate::polyps::{Detector, Measurement};
 use crate::progress::Progress;
 
 pub(crate) use reading::{Reading, Said};
@@ -66,6 +66,8 @@ pub(crate) type Measured = std::result::Result<Measurement, String>;
 /// The assistant of a window, once it was asked for.
 pub(crate) struct Assistant {
     stage: Stage,
+    /// The method that finds polyps.
+    detector: Detector,
     reading: Reading,
     /// The file of the answers; `None` if they are not stored.
     file: Option<PathBuf>,
@@ -84,10 +86,11 @@ pub(crate) struct Assistant {
 }
 
 impl Assistant {
-    /// Creates an assistant that searches as soon as possible, with the file of the scan's answers.
-    pub(crate) fn new(file: Option<PathBuf>, now: Instant) -> Self {
+    /// Creates an assistant that searches as soon as possible with this method, and with the file of the scan's answers.
+    pub(crate) fn new(detector: Detector, file: Option<PathBuf>, now: Instant) -> Self {
         Self {
             stage: Stage::Waiting,
+            detector,
             reading: Reading::default(),
             file,
             wanted: None,
@@ -109,7 +112,8 @@ impl Assistant {
                 false
             }
             Stage::Waiting => {
-                self.stage = begin(flight, cleansing, wake, now).unwrap_or_else(|e| Stage::Failed(e.to_string()));
+                let begun = begin(self.detector, flight, cleansing, wake, now);
+                self.stage = begun.unwrap_or_else(|e| Stage::Failed(e.to_string()));
                 self.looked = now;
                 true
             }
@@ -248,7 +252,7 @@ pub(crate) fn answer_text(answer: Answer) -> &'static str {
 ///
 /// # Errors
 /// Returns status 1 if the system cannot start threads.
-fn begin(flight: &FlightApp, cleansing: &Cleansing, wake: &WakeUp, now: Instant) -> Result<Stage> {
+fn begin(detector: Detector, flight: &FlightApp, cleansing: &Cleansing, wake: &WakeUp, now: Instant) -> Result<Stage> {
     let pool =
         ThreadPoolBuilder::new().num_threads(rayon::current_num_threads()).thread_name(|n| format!("assistant {n}"));
     let pool = pool.build().map_err(|e| Error::fault("threads", e.to_string(), "use fewer --threads").caused_by(e))?;
@@ -259,6 +263,7 @@ fn begin(flight: &FlightApp, cleansing: &Cleansing, wake: &WakeUp, now: Instant)
         told: setup.told.clone(),
         tag: cleansing.tag(flight),
         preset: setup.scene.image.preset,
+        detector,
     };
     let wake = Arc::clone(wake);
     let work = move |progress: &Arc<Progress>| search::search(input, progress);

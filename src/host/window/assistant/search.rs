@@ -13,13 +13,13 @@ use crate::fields::Lumen;
 use crate::fields::cleanse::{self, Cleansed};
 use crate::fields::lumen::{self, Told};
 use crate::host::window::cleansing::boxed;
-use crate::polyps::{self, Candidate, Colon, Measurement, Wall, detectors};
+use crate::polyps::{self, Candidate, Colon, Detector, Measurement, Wall, detectors};
 use crate::progress::Progress;
 use crate::render::{Frame, Preset, Quality, Reuse, Settings, renderer};
 use crate::space::PreparedVolume;
 use crate::volume::Volume;
 
-/// Candidates with a lower score are not listed.
+/// Candidates of the default method with a lower score are not listed. The scores of others have scales of their own.
 const LEAST_SCORE: f64 = 0.2;
 /// Maximum number of listed candidates.
 const MOST: usize = 100;
@@ -40,6 +40,8 @@ pub(crate) struct Input {
     pub(crate) tag: Tag,
     /// Renders the pictures.
     pub(crate) preset: Preset,
+    /// Finds the candidates.
+    pub(crate) detector: Detector,
 }
 
 /// What is known of a scan's tag.
@@ -105,16 +107,17 @@ pub(crate) fn search(input: Input, progress: &Progress) -> Result<Found> {
     if input.lumen.segments.is_empty() {
         return Err(Error::incomplete("polyps", "no gas of a colon was found in the scan", "open a scan of a colon"));
     }
-    let preset = input.preset;
+    let (preset, detector) = (input.preset, input.detector);
     let Clean { volume, lumen, before, around, bytes } = clean(input, progress)?;
     let along = lumen.along(&volume, progress)?;
     let wall = Wall::new(&volume, &lumen, around.transfer().iso(), progress)?;
-    let all = polyps::find(&detectors::BUILT_IN[0], &Colon { volume: &volume, lumen: &lumen, wall: &wall }, progress)?;
+    let all = polyps::find(&detector, &Colon { volume: &volume, lumen: &lumen, wall: &wall }, progress)?;
     drop(volume);
     let looks = Looks::new(&around);
     let mut renderer = renderer(&around, Settings::new(Quality::High), preset, Reuse::Never);
     let mut frame = Frame::new(SIDE, SIDE);
-    let listed = all.into_iter().filter(|c| c.score >= LEAST_SCORE).take(MOST);
+    let is_default = detector.name == detectors::BUILT_IN[0].name;
+    let listed = all.into_iter().filter(|c| !is_default || c.score >= LEAST_SCORE).take(MOST);
     let mut list = Vec::new();
     progress.stage("rendering candidates", listed.size_hint().1.unwrap_or(0) as u64);
     for candidate in listed {
@@ -253,7 +256,8 @@ mod tests {
         let part = volume.with_voxels(Arc::new(boxed(&scan, &lumen, &cleansed.changes)));
         let found = [Tag::Unknown, Tag::Beside(part)].map(|tag| {
             let (volume, lumen) = (volume.clone(), Arc::clone(&lumen));
-            search(Input { volume, lumen, told: Vec::new(), tag, preset: Preset::default() }, &progress).unwrap()
+            let (preset, detector) = (Preset::default(), detectors::BUILT_IN[0]);
+            search(Input { volume, lumen, told: Vec::new(), tag, preset, detector }, &progress).unwrap()
         });
         let places = |f: &Found| f.list.iter().map(|e| (e.candidate.position, e.candidate.score)).collect::<Vec<_>>();
         assert!(!found[0].list.is_empty() && places(&found[0]) == places(&found[1]));
@@ -269,5 +273,30 @@ mod tests {
         let measured = found[0].measure(first.candidate.position).unwrap();
         assert!(measured.lesion.position.distance(first.candidate.position) < 5.0);
         assert!(found[0].measure(DVec3::splat(1e4)).is_err());
+    }
+
+    #[test]
+    fn a_detector_from_outside_finds_the_candidates_and_is_refused_by_name() {
+        /// One place of the wall, with a score below that of the default method's candidates.
+        fn first(colon: &Colon<'_>, _: &Progress) -> Result<Vec<Candidate>> {
+            Ok(vec![Candidate::new(colon.wall.world(0), -3.0)])
+        }
+        fn astray(colon: &Colon<'_>, _: &Progress) -> Result<Vec<Candidate>> {
+            Ok(vec![Candidate::new(colon.wall.world(0) + DVec3::X * 1e6, 1.0)])
+        }
+        let progress = Progress::new();
+        let phantom = Phantom::new(&PhantomSettings::embedded(1));
+        let scan = Arc::new(phantom.voxelise(&phantom.grid(), &progress).unwrap());
+        let lumen = Arc::new(lumen::find(&scan, &progress).unwrap());
+        let volume = PreparedVolume::new(scan, TransferFunction::default());
+        let searched = |detector: Detector| {
+            let (volume, lumen, preset) = (volume.clone(), Arc::clone(&lumen), Preset::default());
+            search(Input { volume, lumen, told: Vec::new(), tag: Tag::Absent, preset, detector }, &progress)
+        };
+        let found = searched(Detector { name: "first", summary: "", find: first }).unwrap();
+        let list: Vec<_> = found.list.iter().map(|e| (e.candidate.position, e.candidate.score)).collect();
+        assert_eq!(list, [(found.wall.world(0), -3.0)]);
+        let e = searched(Detector { name: "astray", summary: "", find: astray }).err().unwrap().to_string();
+        assert!(e.starts_with("detector astray: returned a place outside the scan"), "{e}");
     }
 }

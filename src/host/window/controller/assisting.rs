@@ -16,6 +16,7 @@ use crate::dynamics::Attitude;
 use crate::host::window::assistant::{Assistant, Entry, answer_text};
 use crate::host::window::panels::AssistInput;
 use crate::polyps::answers::Answer;
+use crate::polyps::Detector;
 use crate::space::first_crossing;
 
 /// Room between the camera's body and the wall, mm.
@@ -37,6 +38,11 @@ impl FlightController {
     }
 
     /// Sets the file of the answers to this scan's candidates.
+    /// Sets the method that finds polyps.
+    pub(crate) fn set_detector(&mut self, detector: Detector) {
+        self.detector = detector;
+    }
+
     pub(crate) fn set_answers_file(&mut self, file: Option<PathBuf>) {
         self.answers_file = file;
     }
@@ -64,8 +70,8 @@ impl FlightController {
         if matches!(request, AssistInput::Answer(_) | AssistInput::Note(..) | AssistInput::Load(_)) {
             self.changed = Changed::Answer;
         }
-        let file = &self.answers_file;
-        let assistant = self.assistant.get_or_insert_with(|| Box::new(Assistant::new(file.clone(), now)));
+        let (file, detector) = (&self.answers_file, self.detector);
+        let assistant = self.assistant.get_or_insert_with(|| Box::new(Assistant::new(detector, file.clone(), now)));
         match request {
             AssistInput::Begin => assistant.retry(),
             AssistInput::Cancel => assistant.cancel(),
