@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use serde_json::json;
 
+use super::covering::Covering;
 use super::files::read_commands;
 use super::{Screen, flight, leave, leave_unflown, open, overlays, say, scene, stats};
 use crate::app::{FlightApp, Scene, Timings};
@@ -15,8 +16,8 @@ use crate::cli::args::{FlyArgs, Global};
 use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
 use crate::host::window::{self, Resume};
-use crate::progress::Progress;
 use crate::polyps::detectors;
+use crate::progress::Progress;
 
 /// Flies in a window.
 pub(crate) fn fly(
@@ -37,23 +38,7 @@ pub(crate) fn fly(
     let first = opening(args, global, scene, &timings, Rc::clone(&flown))?;
     let (own_program, own_args, own_global) = (program.clone(), args.clone(), global.clone());
     let open = move |input: PathBuf, series: Option<usize>| {
-        // What belongs to one flight alone stays with the first: its place, its files, its length.
-        let args = FlyArgs {
-            input: Some(input),
-            from: None,
-            to: None,
-            log: None,
-            stats: None,
-            seconds: None,
-            record_input: None,
-            replay: None,
-            play: None,
-            rate: None,
-        detector: program.catalog.find_detector(args.detector.as_deref().unwrap_or(detectors::BUILT_IN[0].name))?,
-            coverage: false,
-            coverage_mesh: None,
-            ..own_args.clone()
-        };
+        let args = for_another(own_args.clone(), input);
         let global = Global { series, ..own_global.clone() };
         let scene = super::scene(&own_program, &args, &global, Screen::Window)?;
         opening(&args, &global, scene, &Arc::default(), Rc::default())
@@ -64,6 +49,7 @@ pub(crate) fn fly(
         size: args.size,
         overlays,
         guides,
+        detector: program.catalog.find_detector(args.detector.as_deref().unwrap_or(detectors::BUILT_IN[0].name))?,
         panels: program.all_panels(),
         layout: args.layout.clone(),
     };
@@ -72,6 +58,61 @@ pub(crate) fn fly(
             leave_unflown(args, &timings.lock().unwrap_or_else(PoisonError::into_inner), e);
         }
     })
+}
+
+/// The arguments for another scan: what belongs to one flight alone stays with the first, its place, its files and its length.
+fn for_another(args: FlyArgs, input: PathBuf) -> FlyArgs {
+    // Every option is named, so that a new one must be thought of.
+    let FlyArgs {
+        input: _,
+        headless,
+        guide,
+        from: _,
+        to: _,
+        reverse,
+        seconds: _,
+        fps,
+        size,
+        quality,
+        preset,
+        record,
+        log: _,
+        stats: _,
+        coverage: _,
+        review: _,
+        answers: _,
+        coverage_mesh: _,
+        record_input: _,
+        replay: _,
+        play: _,
+        rate: _,
+        scene,
+        layout,
+        detector,
+        overlay,
+    } = args;
+    FlyArgs {
+        input: Some(input),
+        headless,
+        guide,
+        reverse,
+        fps,
+        size,
+        quality,
+        preset,
+        record,
+        scene,
+        layout,
+        detector,
+        overlay,
+        ..FlyArgs::default()
+    }
+}
+
+/// What of the wall was seen is looked at when a flight ends, if something receives it: a file, or the message of a review.
+fn covering(args: &FlyArgs, global: &Global) -> Result<Option<Covering>> {
+    let is_told = args.stats.is_some() || args.coverage_mesh.is_some() || args.review;
+    Ok(Covering::asked(args, global)?.filter(|_| is_told))
 }
 
 /// How to open a scan; sets `flown` once it was flown.
@@ -112,7 +153,7 @@ fn opening(
         Ok(session.ready(flight))
     });
     let (finish_args, finish_timings) = (args.clone(), Arc::clone(timings));
-    let covering = super::Covering::asked(args, global)?;
+    let covering = covering(args, global)?;
     let finish = Box::new(move |flight: &FlightApp, frames: &[FrameStats], shown: &window::Shown| {
         flown.set(true);
         let timings = finish_timings.lock().unwrap_or_else(PoisonError::into_inner);
@@ -148,9 +189,39 @@ fn resume(args: &FlyArgs) -> Resume {
 
 #[cfg(test)]
 mod tests {
-    use std::path::PathBuf;
-
     use super::*;
+    use crate::cli::files::Files;
+
+    #[test]
+    fn another_scan_has_no_files_and_no_review_of_the_one_before() {
+        let line = "colvis a.nii --guide path --from rectum --to cecum --seconds 5 --size 64x48 --log l.jsonl --stats s.json \
+                    --coverage --review --answers a.json --coverage-mesh m.ply --record-input i --replay r --scene s.toml \
+                    --layout slices --detector shape --overlay mines";
+        let before = Program::default().parse(line.split_whitespace()).unwrap().fly;
+        let args = for_another(before.clone(), PathBuf::from("b.nii"));
+        assert!(args.input == Some(PathBuf::from("b.nii")) && args.scene == before.scene);
+        // Of all files, only the scene is read, and none is written.
+        let none = FlyArgs { input: args.input.clone(), scene: args.scene.clone(), ..FlyArgs::default() };
+        assert_eq!(format!("{:?}", Files::fly(&args)), format!("{:?}", Files::fly(&none)));
+        assert!(!args.review && !args.coverage && args.from.is_none() && args.to.is_none() && args.seconds.is_none());
+        assert_eq!((args.guide, args.size, args.layout), (before.guide.clone(), before.size, before.layout.clone()));
+        assert_eq!((args.detector, args.overlay), (before.detector.clone(), before.overlay.clone()));
+        assert!(covering(&for_another(before.clone(), PathBuf::new()), &Global::default()).unwrap().is_none());
+    }
+
+    #[test]
+    fn what_was_seen_is_looked_at_if_something_receives_it() {
+        let is_looked_at = |args: &FlyArgs| covering(args, &Global::default()).unwrap().is_some();
+        let coverage = FlyArgs { coverage: true, ..FlyArgs::default() };
+        assert!(!is_looked_at(&FlyArgs::default()) && !is_looked_at(&coverage));
+        for told in [
+            FlyArgs { stats: Some(PathBuf::from("s.json")), ..coverage.clone() },
+            FlyArgs { coverage_mesh: Some(PathBuf::from("m.ply")), ..FlyArgs::default() },
+            FlyArgs { review: true, ..FlyArgs::default() },
+        ] {
+            assert!(is_looked_at(&told), "{told:?}");
+        }
+    }
 
     #[test]
     fn only_a_flight_of_its_own_takes_up_the_last_one() {
