@@ -151,6 +151,27 @@ pub(crate) fn file(volume: &Volume) -> Option<PathBuf> {
     Folder::State.file(Path::new("sessions").join(format!("{:016x}.json", key(volume))))
 }
 
+/// What is kept of a scan beside its session: files in folders of their own, with the session's name.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct ScanFiles {
+    /// Distances.
+    pub(crate) measures: Option<PathBuf>,
+    /// Answers to candidates.
+    pub(crate) answers: Option<PathBuf>,
+    /// Kinds of gas.
+    pub(crate) kinds: Option<PathBuf>,
+}
+
+impl ScanFiles {
+    /// Those of the scan with this session file. A flight that repeats another has none: it takes nothing of what was kept, and must
+    /// not overwrite it.
+    pub(crate) fn of(session: Option<&Path>, resume: Resume) -> Self {
+        let name = session.and_then(Path::file_name).filter(|_| resume != Resume::Never);
+        let file = |folder: &str| name.and_then(|name| Folder::State.file(Path::new(folder).join(name)));
+        Self { measures: file("measures"), answers: file("answers"), kinds: file("kinds") }
+    }
+}
+
 /// Returns the file of the kinds that the reader gave to gas in the scan with this session file.
 pub(crate) fn kinds_file(session: &Path) -> Option<PathBuf> {
     Folder::State.file(Path::new("kinds").join(session.file_name()?))
@@ -281,6 +302,22 @@ mod tests {
         assert_eq!(path.extension().unwrap(), "json");
         assert_eq!(file(&volume(1)), Some(path.clone()));
         assert_ne!(file(&volume(2)), Some(path));
+    }
+
+    #[test]
+    fn a_flight_that_repeats_another_has_none_of_the_files_of_its_scan() {
+        let session = Path::new("sessions/00ff.json");
+        for resume in [Resume::Everything, Resume::Place, Resume::Nothing] {
+            let ScanFiles { measures, answers, kinds } = ScanFiles::of(Some(session), resume);
+            assert_eq!(kinds, kinds_file(session));
+            for (file, folder) in [(measures, "measures"), (answers, "answers"), (kinds, "kinds")] {
+                // A system may define no folder for it.
+                let Some(file) = file else { continue };
+                assert!(file.ends_with(Path::new(folder).join("00ff.json")), "{}", file.display());
+            }
+        }
+        assert_eq!(ScanFiles::of(Some(session), Resume::Never), ScanFiles::default());
+        assert_eq!(ScanFiles::of(None, Resume::Everything), ScanFiles::default());
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The window's event loop: receives the system's events and shows pictures.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -16,7 +16,6 @@ use winit::window::{Fullscreen, Window, WindowId};
 use super::actions::{Action, ActionContext, Actions, Effect, WindowRequest};
 use super::assistant::Assistant;
 use super::controller::FlightController;
-use super::folders::Folder;
 use super::framebuffer::{Framebuffer, Places};
 use super::interface::{Interface, WindowSize};
 use super::keys::{Chord, HeldKeys};
@@ -28,7 +27,7 @@ use super::panels::{Context, Request, Requests, SeenInput};
 use super::present_timer::PresentTimer;
 use super::recent::Recent;
 use super::screenshot_renderer::WakeUp;
-use super::session::Session;
+use super::session::{ScanFiles, Session};
 use super::workspace::Workspace;
 use super::{Finish, Launch, Opening, Resume, Shown};
 use crate::app::Overlay;
@@ -375,9 +374,8 @@ impl Shell {
         let files = ScanFiles::of(self.scan.as_deref(), self.resume);
         let (measures, unread) = Measures::open(files.measures);
         controller.set_measures(measures);
-        controller.set_answers_file(file("answers"));
-        // A flight that repeats another does not take what was said before, and must not overwrite it.
-        controller.set_kinds_file(file("kinds").filter(|_| self.resume != Resume::Never));
+        controller.set_answers_file(files.answers);
+        controller.set_kinds_file(files.kinds);
         if let Some(e) = &unread {
             output::to_stderr(format_args!("note: {e}"));
         }
