@@ -139,10 +139,15 @@ mod tests {
         let Some(Command::Candidates(candidates)) = args.command else { panic!("{:?}", args.command) };
         run(&program, &candidates, &args.global, &progress).unwrap();
         let listed: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&list).unwrap()).unwrap();
-        let listed: Vec<(DVec3, f64)> = listed["candidates"].as_array().unwrap().iter().map(|c| {
-            let position = serde_json::from_value(c["position"].clone()).unwrap();
-            (position, c["score"].as_f64().unwrap())
-        }).collect();
+        let listed: Vec<(DVec3, f64)> = listed["candidates"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|c| {
+                let position = serde_json::from_value(c["position"].clone()).unwrap();
+                (position, c["score"].as_f64().unwrap())
+            })
+            .collect();
         let volume = io::load(Path::new(&scan), &LoadOptions::default(), &progress).unwrap().volume;
         let transfer = prepare::transfer(&args.global).unwrap();
         let mut found = found_by(&detectors::BUILT_IN[..1], volume, transfer, &progress).unwrap();

@@ -87,41 +87,44 @@ pub(crate) enum WindowRequest {
 /// Keys by the actions' ids, as in a settings file.
 pub(crate) type KeySettings = BTreeMap<String, Vec<String>>;
 
-/// Checks whether an action is possible now. The error states why not.
-pub(crate) type Possible = fn(&FlightController) -> std::result::Result<(), &'static str>;
+/// The reason why an action is not possible now.
+pub(crate) type WhyNot = Cow<'static, str>;
 
-fn always(_: &FlightController) -> std::result::Result<(), &'static str> {
+/// Checks whether an action is possible now. The error states why not.
+pub(crate) type Possible = fn(&FlightController) -> std::result::Result<(), WhyNot>;
+
+fn always(_: &FlightController) -> std::result::Result<(), WhyNot> {
     Ok(())
 }
 
 /// Refuses actions that a replayed log cannot follow.
-fn flies_itself(c: &FlightController) -> std::result::Result<(), &'static str> {
-    if c.flight().setup().scene.play().is_some() { Err("a log is replayed") } else { Ok(()) }
+fn flies_itself(c: &FlightController) -> std::result::Result<(), WhyNot> {
+    if c.flight().setup().scene.play().is_some() { Err("a log is replayed".into()) } else { Ok(()) }
 }
 
-fn has_both_scans(c: &FlightController) -> std::result::Result<(), &'static str> {
-    c.cleansing().may_switch()
+fn has_both_scans(c: &FlightController) -> std::result::Result<(), WhyNot> {
+    c.cleansing().may_switch().map_err(Into::into)
 }
 
-fn has_list(c: &FlightController) -> std::result::Result<(), &'static str> {
+fn has_list(c: &FlightController) -> std::result::Result<(), WhyNot> {
     c.may_read()
 }
 
-fn has_body(c: &FlightController) -> std::result::Result<(), &'static str> {
-    c.kinds().may_tell()
+fn has_body(c: &FlightController) -> std::result::Result<(), WhyNot> {
+    c.kinds().may_tell().map_err(Into::into)
 }
 
-fn may_see_missed(c: &FlightController) -> std::result::Result<(), &'static str> {
+fn may_see_missed(c: &FlightController) -> std::result::Result<(), WhyNot> {
     c.may_see_missed()
 }
 
 /// A replayed log knows no tour.
-fn may_review(c: &FlightController) -> std::result::Result<(), &'static str> {
+fn may_review(c: &FlightController) -> std::result::Result<(), WhyNot> {
     flies_itself(c).and_then(|()| c.may_see_missed())
 }
 
-fn shows_slices(c: &FlightController) -> std::result::Result<(), &'static str> {
-    if c.shows_slices() { Ok(()) } else { Err("no slice is shown") }
+fn shows_slices(c: &FlightController) -> std::result::Result<(), WhyNot> {
+    if c.shows_slices() { Ok(()) } else { Err("no slice is shown".into()) }
 }
 
 /// A row of the table.
@@ -534,6 +537,40 @@ impl Actions {
         self.0.iter().find(|a| a.id == id)
     }
 
+    /// Returns the first key of the action with that name; empty if it has none. Messages name keys with this or [`Actions::hint`],
+    /// because a settings file may have changed them.
+    pub(crate) fn key(&self, id: &str) -> String {
+        self.named(id).map_or_else(String::new, Action::key_text)
+    }
+
+    /// Returns the end of a message that names an action's key, ` (N flies to the next)`; empty if the action has none.
+    pub(crate) fn hint(&self, id: &str, what: &str) -> String {
+        let key = self.key(id);
+        if key.is_empty() { key } else { format!(" ({key} {what})") }
+    }
+
+    /// Returns the last key that quits, because others are easily pressed for something else; empty if there is none.
+    pub(crate) fn quit_key(&self) -> String {
+        self.named("quit").and_then(|a| a.keys.last()).map(Chord::to_string).unwrap_or_default()
+    }
+
+    /// Returns the most needed keys in one line.
+    pub(crate) fn short_help(&self) -> String {
+        let part = |ids: &[&str], what: &str| {
+            let keys: Vec<String> = ids.iter().map(|id| self.key(id)).filter(|k| !k.is_empty()).collect();
+            (!keys.is_empty()).then(|| format!("{} {what}", keys.join(" ")))
+        };
+        let parts = [
+            part(&["help"], "keys"),
+            part(&["pause"], "pause"),
+            part(&["forward", "left", "back", "right"], "steer"),
+            Some("drag to look".to_owned()),
+            part(&["reverse"], "turn round"),
+            part(&["quit"], "quit"),
+        ];
+        parts.into_iter().flatten().collect::<Vec<_>>().join("   ")
+    }
+
     /// Returns all keys with their descriptions, a row for each task, in the order of the table.
     pub(crate) fn help(&self) -> Vec<(String, String)> {
         let mut rows: Vec<(&str, Vec<&Action>)> = Vec::new();
@@ -607,6 +644,58 @@ mod tests {
         assert_eq!(keys("turn round and fly back"), "R, B, Backspace");
         assert_eq!(keys("tentacles, potential, path, manual"), "1 2 3 4");
         assert_eq!(keys("look around"), "Left Right Home End, drag");
+    }
+
+    #[test]
+    fn messages_name_the_keys_of_the_settings() {
+        let usual = actions(&[]).unwrap();
+        assert_eq!(usual.short_help(), "H keys   Space pause   W A S D steer   drag to look   R turn round   Q quit");
+        assert_eq!(usual.hint("next", "flies to the next"), " (N flies to the next)");
+        assert_eq!((usual.key("undo").as_str(), usual.quit_key().as_str()), ("Ctrl+Z", "Esc"));
+        let changed = [("help", &["Ü"][..]), ("left", &["Ö"]), ("reverse", &[]), ("next", &[]), ("quit", &["F5"])];
+        let changed = actions(&changed).unwrap();
+        assert_eq!(changed.short_help(), "Ü keys   Space pause   W Ö S D steer   drag to look   F5 quit");
+        assert_eq!((changed.hint("next", "flies to the next"), changed.quit_key()), (String::new(), "F5".to_owned()));
+    }
+
+    /// Returns the texts of a source file between quotes, without its tests.
+    fn texts(source: &str) -> Vec<String> {
+        let is_code = |l: &&str| !l.trim_start().starts_with("//");
+        let code: Vec<&str> = source.split("#[cfg(test)]").next().unwrap_or("").lines().filter(is_code).collect();
+        code.join("\n").replace("\\\"", "").split('"').skip(1).step_by(2).map(str::to_owned).collect()
+    }
+
+    #[test]
+    fn no_text_of_the_window_names_a_key_that_settings_may_change() {
+        let all = actions(&[]).unwrap();
+        let is_key = |word: &str| {
+            let word = word.trim_matches(|c: char| "(),;.:".contains(c));
+            // A and digits are words, too.
+            let is_word = word == "A" || word.chars().all(|c| c.is_ascii_digit());
+            let is_told = word.len() == 1 || word.starts_with("Ctrl+") || ["Space", "Esc", "F12"].contains(&word);
+            let is_upper = word.chars().next().is_some_and(char::is_uppercase);
+            !is_word && is_told && is_upper && word.parse().is_ok_and(|key| all.of_key(&key).is_some())
+        };
+        assert!(["(N", "Ctrl+Z", "Esc"].map(is_key) == [true; 3] && ["n", "Next", "3"].map(is_key) == [false; 3]);
+        let window = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/host/window");
+        let (mut folders, mut files) = (vec![window], 0);
+        while let Some(folder) = folders.pop() {
+            for entry in std::fs::read_dir(&folder).unwrap() {
+                let path = entry.unwrap().path();
+                let name = path.file_name().unwrap().to_string_lossy().into_owned();
+                if path.is_dir() {
+                    folders.push(path);
+                // The tables of keys themselves, and another window, whose keys no settings change.
+                } else if !name.contains("tests") && !["actions.rs", "keys.rs", "plane.rs"].contains(&&*name) {
+                    files += 1;
+                    for text in texts(&std::fs::read_to_string(&path).unwrap()).iter().filter(|t| t.contains(' ')) {
+                        let key = text.split_whitespace().find(|w| is_key(w));
+                        assert_eq!(key, None, "{}: {text:?}", path.display());
+                    }
+                }
+            }
+        }
+        assert!(files > 40, "{files}");
     }
 
     #[test]

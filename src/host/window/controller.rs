@@ -388,7 +388,7 @@ impl FlightController {
         self.act(FlightCommand::ViewAngle(degrees), now);
         let Some(degrees) = self.flight.camera::<Picture>().map(|p| p.fov_degrees) else { return };
         let usual = self.flight.setup().scene.image.fov_degrees;
-        let back = if degrees == usual { "" } else { " (0 sets it back)" };
+        let back = if degrees == usual { String::new() } else { self.actions.hint("usual-angle", "sets it back") };
         self.say(format!("view angle {}{back}", angle(degrees)), now);
         self.figures.touch();
     }
@@ -526,8 +526,7 @@ impl FlightController {
             Ok(Some(what)) => {
                 if !what.is_empty() {
                     output::to_stderr(format_args!("note: {what}"));
-                    let key = self.actions.named("tag").map(Action::key_text).filter(|k| !k.is_empty());
-                    let how = key.map_or_else(String::new, |k| format!(" ({k} shows the scan as it is)"));
+                    let how = self.actions.hint("tag", "shows the scan as it is");
                     self.say(format!("{what}{how}"), now);
                 }
                 self.attention = true;
@@ -712,10 +711,16 @@ impl FlightController {
         match flight.state {
             State::Operator => {
                 more.push(flight.reason);
-                more.push("Steer by hand, R turns round, N flies to the next segment.".to_owned());
+                let way = |id, what: &str| {
+                    Some(self.actions.key(id)).filter(|k| !k.is_empty()).map(|k| format!("{k} {what}"))
+                };
+                let ways = [way("reverse", "turns round"), way("next", "flies to the next segment")];
+                let ways = std::iter::once("Steer by hand".to_owned()).chain(ways.into_iter().flatten());
+                more.push(format!("{}.", ways.collect::<Vec<_>>().join(", ")));
             }
             State::Arrived => {
-                more.extend(headless::unflown_text(&self.flight).map(|t| format!("{t} (N flies to the next)")));
+                let next = self.actions.hint("next", "flies to the next");
+                more.extend(headless::unflown_text(&self.flight).map(|t| t + &next));
             }
             State::Flying | State::Ended => {}
         }
@@ -751,6 +756,7 @@ impl FlightController {
                 self.figures.part().map_or(mm.clone(), |part| format!("{part}, {mm}"))
             }),
             message: self.message.as_ref().map(|m| m.0.clone()),
+            keys: self.actions.short_help(),
             help: if self.help { self.actions.help() } else { Vec::new() },
             marks_drawn,
         }

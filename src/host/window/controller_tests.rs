@@ -4,11 +4,12 @@ use glam::{DMat3, DVec3};
 
 use super::*;
 use crate::app::{ImageSettings, Plan, Scene};
+use crate::components::flight::Flight;
 use crate::components::slices::Orientation;
 use crate::fields::lumen;
 use crate::host::window::actions::KeySettings;
 use crate::host::window::keys::Hold;
-use crate::host::window::panels::{FlightInput, SliceInput};
+use crate::host::window::panels::{BUILT_IN, FlightInput, SliceInput};
 use crate::progress::Progress;
 use crate::render::{ImageSize, Preset, Quality, Settings};
 use crate::space::{PreparedVolume, TransferFunction};
@@ -60,9 +61,19 @@ fn along_mm(c: &FlightController) -> i64 {
 }
 
 /// Creates the controller of `flight`, at `along_mm` of its path.
-pub(crate) fn cockpit_of(mut flight: FlightApp, along_mm: f64, overlays: Vec<Overlay>) -> FlightController {
+pub(crate) fn cockpit_of(flight: FlightApp, along_mm: f64, overlays: Vec<Overlay>) -> FlightController {
+    cockpit_with(flight, along_mm, overlays, &KeySettings::new())
+}
+
+/// The same with other keys.
+fn cockpit_with(
+    mut flight: FlightApp,
+    along_mm: f64,
+    overlays: Vec<Overlay>,
+    settings: &KeySettings,
+) -> FlightController {
     flight.stands_at(along_mm);
-    let actions = Actions::new(&flight.setup().scene.guides, &overlays, &[], &KeySettings::new()).unwrap();
+    let actions = Actions::new(&flight.setup().scene.guides, &overlays, BUILT_IN, settings).unwrap();
     FlightController::new(flight, Arc::new(|| {}), overlays, Rc::new(actions)).unwrap()
 }
 
@@ -170,6 +181,34 @@ fn what_there_is_not_is_said_and_changes_nothing() {
     }
     fly(&mut c, &mut now, 2);
     assert_eq!(c.hand().speed, 5.0, "there is a limit");
+}
+
+#[test]
+fn messages_name_the_keys_that_settings_have_changed() {
+    let now = Instant::now();
+    let settings = [
+        ("usual-angle", "Α"),
+        ("reverse", "Β"),
+        ("next", "Γ"),
+        ("unseen", "Δ"),
+        ("panel-candidates", "Ε"),
+        ("help", "Ζ"),
+        ("guide", "Η"),
+    ];
+    let settings = settings.map(|(id, key)| (id.to_owned(), vec![key.to_owned()])).into_iter().collect();
+    let mut c = cockpit_with(flight("path"), 20.0, Vec::new(), &settings);
+    c.zoom(1.0);
+    c.advance(now).unwrap();
+    let message = |c: &mut FlightController| c.hud(now).message.unwrap_or_default();
+    assert!(message(&mut c).ends_with(" (Α sets it back)"), "{}", message(&mut c));
+    perform(&mut c, "missed-next", now);
+    assert!(message(&mut c).ends_with("what was seen is not watched (Δ begins)"), "{}", message(&mut c));
+    perform(&mut c, "candidate-next", now);
+    assert!(message(&mut c).ends_with("no list of candidates (Ε looks for polyps)"), "{}", message(&mut c));
+    c.flight_mut().camera_mut::<Flight>().unwrap().state = State::Operator;
+    let hud = c.hud(now);
+    assert_eq!(hud.more.last().unwrap(), "Steer by hand, Β turns round, Γ flies to the next segment.");
+    assert!(hud.keys.starts_with("Ζ keys   Space pause"), "{}", hud.keys);
 }
 
 #[test]

@@ -5,8 +5,6 @@ use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Vec2, pos2, vec2};
 use super::directions::Directions;
 use crate::app::overlay::{Align, Colour, Mark, Place2};
 
-/// A short line of help, always shown.
-const SHORT_HELP: &str = "H keys   Space pause   W A S D steer   drag to look   R turn round   Q quit";
 /// Always shown.
 pub(crate) const DISCLAIMER: &str = "Research software. Not for diagnosis.";
 const MARGIN: f32 = 10.0;
@@ -84,6 +82,8 @@ pub(crate) struct HudState {
     pub marks: Vec<u32>,
     /// Message about a recent event.
     pub message: Option<String>,
+    /// The most needed keys in one line, always shown.
+    pub keys: String,
     /// All keys with their descriptions, while they are listed.
     pub help: Vec<(String, String)>,
     /// Marks drawn by overlays.
@@ -136,8 +136,8 @@ fn lines(p: &Painter, at: Pos2, align: Align2, wrap: f32, list: &[(&str, f32, Co
     rect
 }
 
-/// Draws the progress of loading over an area given in points.
-pub(crate) fn loading(p: &Painter, area: Rect, stage: &str, share: Option<f64>) {
+/// Draws the progress of loading over an area given in points. `quit` is the key that cancels it, empty if there is none.
+pub(crate) fn loading(p: &Painter, area: Rect, stage: &str, share: Option<f64>, quit: &str) {
     let centre = area.center();
     let stage = if stage.is_empty() { "starting" } else { stage };
     let percent = share.map_or_else(String::new, |s| format!("   {:.0} %", s * 100.0));
@@ -148,7 +148,9 @@ pub(crate) fn loading(p: &Painter, area: Rect, stage: &str, share: Option<f64>) 
     if let Some(s) = share {
         bar(p, rect, s);
     }
-    text(p, centre + vec2(0.0, 34.0), Align2::CENTER_CENTER, "Esc cancels", TEXT, SOFT);
+    if !quit.is_empty() {
+        text(p, centre + vec2(0.0, 34.0), Align2::CENTER_CENTER, &format!("{quit} cancels"), TEXT, SOFT);
+    }
     text(p, area.center_bottom() - vec2(0.0, MARGIN), Align2::CENTER_BOTTOM, DISCLAIMER, TEXT, SOFT);
 }
 
@@ -248,7 +250,7 @@ pub(crate) fn flight(p: &Painter, area: Rect, r: &HudState) {
         text(p, pos2(inner.min.x, low - row.y), Align2::LEFT_BOTTOM, DISCLAIMER, TEXT, SOFT);
     }
     if roomy {
-        text(p, pos2(inner.min.x, foot), Align2::LEFT_TOP, SHORT_HELP, TEXT, SOFT);
+        text(p, pos2(inner.min.x, foot), Align2::LEFT_TOP, &r.keys, TEXT, SOFT);
     }
     let foot = foot - 8.0;
     let mut head: Vec<(&str, f32, Color32)> = vec![(&r.state, 17.0, r.severity.colour())];

@@ -65,6 +65,7 @@ mod tests {
             place: "place".to_owned(),
             marks: Vec::new(),
             message: None,
+            keys: String::new(),
             help: Vec::new(),
             marks_drawn: Vec::new(),
         };

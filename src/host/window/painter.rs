@@ -215,7 +215,7 @@ mod tests {
             let size = WindowSize { pixels, scale };
             self.interface.lay_out(RawInput::default(), size, Instant::now(), |ui| {
                 let area = ui.ctx().content_rect();
-                overlay::loading(&ui.ctx().layer_painter(LayerId::background()), area, text, None);
+                overlay::loading(&ui.ctx().layer_painter(LayerId::background()), area, text, None, "Esc");
                 picture.then_some(area).into_iter().collect()
             });
             if let Some(layout) = self.interface.layout() {

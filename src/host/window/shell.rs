@@ -34,8 +34,8 @@ use crate::app::Overlay;
 use crate::components::slices::Orientation;
 use crate::error::{Error, Result};
 use crate::host::log::Log;
-use crate::polyps::Detector;
 use crate::output;
+use crate::polyps::Detector;
 use crate::progress::Progress;
 use crate::render::ImageSize;
 use crate::render::adaptive::FRAME;
@@ -119,8 +119,8 @@ pub(crate) struct Shell {
     progress: Arc<Progress>,
     saveable: WakeUp,
     presented: PresentTimer,
-    detector: Detector,
     overlays: Vec<Overlay>,
+    detector: Detector,
     actions: Rc<Actions>,
     /// The error in the settings file.
     unsettled: Option<Error>,
@@ -189,8 +189,8 @@ impl Shell {
             progress,
             saveable,
             presented: PresentTimer::default(),
-            detector: launch.detector,
             overlays: launch.overlays,
+            detector: launch.detector,
             actions: Rc::new(actions),
             unsettled,
             outcome: Ok(()),
@@ -383,7 +383,8 @@ impl Shell {
         if let Some(e) = self.unsettled.take() {
             controller.say(format!("{}: {}", e.what, e.why), Instant::now());
         } else if along.is_some() {
-            controller.say("resumed where you left off (E starts from the other end)", Instant::now());
+            let other = self.actions.hint("other-end", "starts from the other end");
+            controller.say(format!("resumed where you left off{other}"), Instant::now());
         }
         self.stage = Stage::Flying(Box::new(controller));
         Ok(())
@@ -472,10 +473,11 @@ impl Shell {
                     workspace.ui(&context, ui, &mut requests);
                 }
                 (Content::Failed { text }, _) => {
-                    chosen = file_list.instead(text, opening, choices, recent, ui);
+                    chosen = file_list.instead(text, opening, choices, recent, &actions.quit_key(), ui);
                 }
                 (Content::Loading { stage, share }, _) => {
-                    overlay::loading(&background(ui), ui.ctx().content_rect(), stage, *share);
+                    let quit = actions.quit_key();
+                    overlay::loading(&background(ui), ui.ctx().content_rect(), stage, *share, &quit);
                 }
                 (Content::Flight(_), _) => {}
             }

@@ -13,10 +13,11 @@ use crate::components::input::FlightCommand;
 use crate::components::review::ReviewStop;
 use crate::components::scan::Walls;
 use crate::dynamics::Attitude;
+use crate::host::window::actions::WhyNot;
 use crate::host::window::assistant::{Assistant, Entry, answer_text};
 use crate::host::window::panels::AssistInput;
-use crate::polyps::answers::Answer;
 use crate::polyps::Detector;
+use crate::polyps::answers::Answer;
 use crate::space::first_crossing;
 
 /// Room between the camera's body and the wall, mm.
@@ -37,12 +38,12 @@ impl FlightController {
         self.assistant.as_deref()
     }
 
-    /// Sets the file of the answers to this scan's candidates.
     /// Sets the method that finds polyps.
     pub(crate) fn set_detector(&mut self, detector: Detector) {
         self.detector = detector;
     }
 
+    /// Sets the file of the answers to this scan's candidates.
     pub(crate) fn set_answers_file(&mut self, file: Option<PathBuf>) {
         self.answers_file = file;
     }
@@ -56,11 +57,14 @@ impl FlightController {
     }
 
     /// Checks whether there is a list of candidates. The error states why not.
-    pub(crate) fn may_read(&self) -> Result<(), &'static str> {
+    pub(crate) fn may_read(&self) -> Result<(), WhyNot> {
         match self.assistant() {
             Some(a) if a.found().is_some() => Ok(()),
-            Some(_) => Err("there is no list of candidates yet"),
-            None => Err("there is no list of candidates (K looks for polyps)"),
+            Some(_) => Err("there is no list of candidates yet".into()),
+            None => {
+                let how = self.actions.hint("panel-candidates", "looks for polyps");
+                Err(format!("there is no list of candidates{how}").into())
+            }
         }
     }
 

@@ -10,6 +10,7 @@ use crate::components::review::ReviewStop;
 use crate::coverage::LiveCoverage;
 use crate::dynamics::Attitude;
 use crate::dynamics::route::profile::PathSettings;
+use crate::host::window::actions::WhyNot;
 use crate::host::window::seen::{News, Seen, Then};
 
 /// Nearer than this to where a patch is seen from, the camera only turns to it, mm.
@@ -49,10 +50,10 @@ impl FlightController {
     }
 
     /// Checks whether there is a next missed patch to go to, or whether it can be found out.
-    pub(crate) fn may_see_missed(&self) -> Result<(), &'static str> {
+    pub(crate) fn may_see_missed(&self) -> Result<(), WhyNot> {
         match self.flight.camera::<LiveCoverage>() {
             Some(_) => Ok(()),
-            None => Err("what was seen is not watched (Ctrl+E begins)"),
+            None => Err(format!("what was seen is not watched{}", self.actions.hint("unseen", "begins")).into()),
         }
     }
 
@@ -178,10 +179,9 @@ impl FlightController {
             let path = self.flight.setup().scene.guides.get::<PathSettings>();
             let minutes = (mm / path.cruise_mm_s + STOP_S * count as f64) / 60.0;
             let of_them = if unsure > 0 { format!(" ({unsure} unsure candidates)") } else { String::new() };
-            self.say(
-                format!("review: {count} places{of_them} in {mm:.0} mm, about {minutes:.0} min; Ctrl+V ends it"),
-                now,
-            );
+            let key = self.actions.key("review");
+            let end = if key.is_empty() { key } else { format!("; {key} ends it") };
+            self.say(format!("review: {count} places{of_them} in {mm:.0} mm, about {minutes:.0} min{end}"), now);
         }
     }
 

@@ -91,15 +91,16 @@ impl FlightController {
                 let all = if segments == 1 { "1 segment".to_owned() } else { format!("{segments} segments") };
                 let n = self.flight.setup().plan.segment.map_or(0, |n| n + 1);
                 match onward {
-                    Onward::Same(_) if arrived => format!("the lumen has {all} now (N flies to the next)"),
+                    Onward::Same(_) if arrived => {
+                        format!("the lumen has {all} now{}", self.actions.hint("next", "flies to the next"))
+                    }
                     Onward::Same(_) => format!("the lumen has {all} now; the flight goes on in its segment"),
                     Onward::Changed(_) => {
                         format!("the flown gas has changed: set out anew in segment {n} of {segments}")
                     }
                     Onward::Elsewhere(_) => {
-                        format!(
-                            "the flown gas is no colon now: set out in segment {n} of {segments} (Ctrl+Z undoes it)"
-                        )
+                        let undo = self.actions.hint("undo", "undoes it");
+                        format!("the flown gas is no colon now: set out in segment {n} of {segments}{undo}")
                     }
                     Onward::Nowhere => "no gas is left that may be colon: the flight keeps its lumen".to_owned(),
                 }

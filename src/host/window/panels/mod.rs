@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use egui::{MouseWheelUnit, Rect, Ui, Vec2};
 use glam::DVec3;
 
-use super::actions::{Action, Actions};
+use super::actions::{Action, Actions, WhyNot};
 use super::assistant::Assistant;
 use super::controller::FlightController;
 use super::kinds::Kinds;
@@ -149,7 +149,7 @@ impl<'a> Context<'a> {
     }
 
     /// Returns why an action is not possible now; `None` if it is possible.
-    pub(super) fn why_not(&self, action: &Action) -> Option<&'static str> {
+    pub(super) fn why_not(&self, action: &Action) -> Option<WhyNot> {
         (action.possible)(self.controller).err()
     }
 

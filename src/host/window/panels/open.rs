@@ -83,13 +83,14 @@ impl FileList {
     }
 
     /// Lays out the content that a window shows instead of a flight if the scan `opening` could not be opened: the reason, the
-    /// `series` to choose from, and other scans. Returns the choice.
+    /// `series` to choose from, other scans, and the key that quits. Returns the choice.
     pub fn instead(
         &mut self,
         why: &str,
         opening: Option<&Path>,
         series: &[String],
         recent: &[PathBuf],
+        quit: &str,
         ui: &mut Ui,
     ) -> Option<Request> {
         let area = ui.ctx().content_rect();
@@ -99,7 +100,8 @@ impl FileList {
         ui.scope_builder(egui::UiBuilder::new().max_rect(column), |ui| {
             ui.heading(if series.is_empty() { CANNOT } else { CHOOSE });
             ui.label(why);
-            ui.label("Open another scan below, or drop one on the window. Esc quits.");
+            let quit = if quit.is_empty() { String::new() } else { format!(" {quit} quits.") };
+            ui.label(format!("Open another scan below, or drop one on the window.{quit}"));
             ui.separator();
             ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
                 if let Some(path) = opening.filter(|_| !series.is_empty()) {

@@ -58,6 +58,7 @@ impl Stage {
             per_mille: 310,
             place: "250 of about 810 mm".to_owned(),
             marks: vec![620],
+            keys: actions.short_help(),
             ..HudState::default()
         };
         let controller = FlightController::new(flight, Arc::new(|| {}), Vec::new(), Rc::clone(&actions)).unwrap();
@@ -333,14 +334,14 @@ fn loading_and_a_scan_that_cannot_be_flown_look_as_they_did() {
     let mut stage = Stage::new(ImageSize::new(640, 420), 1.0);
     let loading = |_: &Context<'_>, ui: &mut Ui, _: &mut Requests| {
         let area = ui.ctx().content_rect();
-        overlay::loading(&ui.ctx().layer_painter(egui::LayerId::background()), area, "reading", Some(0.4));
+        overlay::loading(&ui.ctx().layer_painter(egui::LayerId::background()), area, "reading", Some(0.4), "Esc");
     };
     hold("loading", &stage.picture(loading));
     let instead = |list: &mut FileList, series: &[String], stage: &mut Stage, events: Vec<Event>| {
         let mut chosen = None;
         let why = if series.is_empty() { "scan.nii: is empty" } else { "study: holds 4 series, 3 of them CT" };
         let (picture, _) = stage.lay_out(events, &mut |context, ui, _| {
-            chosen = list.instead(why, Some(Path::new("/study")), series, context.recent, ui);
+            chosen = list.instead(why, Some(Path::new("/study")), series, context.recent, "Esc", ui);
         });
         (picture, chosen)
     };
