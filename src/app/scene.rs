@@ -19,7 +19,7 @@ use crate::dynamics::tentacles::{Drive, TentacleSettings};
 use crate::error::{Error, Result};
 use crate::panics::{ask_plugin, catch};
 use crate::render::{CameraModel, Options, ShaderModel};
-use crate::schedule::{App, Guide, GuideEntry, Guides, Look, Needs, Plugin, Plugins, Slot};
+use crate::schedule::{App, Guide, GuideEntry, Guides, Look, Needs, Plugin, Plugins, Slot, note};
 use crate::systems;
 use crate::systems::present::{Presenters, Waiting};
 
@@ -305,9 +305,17 @@ impl Scene {
 
     /// Returns the unobstructed speed of the flight, mm/s; 0 if nothing moves the camera automatically.
     pub fn cruise_mm_s(&self) -> f64 {
-        let cruise = self.guide().map(|g| catch(|| g.cruise_mm_s(&self.body)));
+        let Some(guide) = self.guide() else { return 0.0 };
         // A guide that cannot report its speed counts as not moving.
-        cruise.and_then(std::result::Result::ok).filter(|mm_s| mm_s.is_finite() && *mm_s >= 0.0).unwrap_or(0.0)
+        let odd = |what: String| {
+            note(format!("guide {}", guide.name), format!("{what}: its cruise speed counts as 0"));
+            0.0
+        };
+        match catch(|| guide.cruise_mm_s(&self.body)) {
+            Ok(mm_s) if mm_s.is_finite() && mm_s >= 0.0 => mm_s,
+            Ok(mm_s) => odd(format!("tells a cruise speed of {mm_s} mm/s")),
+            Err(why) => odd(format!("panicked: {why}")),
+        }
     }
 
     /// True if anything moves the camera.

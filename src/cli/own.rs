@@ -10,6 +10,7 @@ use crate::app::{Catalog, Scan, Scene};
 use crate::cli::args::Global;
 use crate::cli::{Program, prepare};
 use crate::error::{Error, Result};
+use crate::panics::ask_plugin;
 use crate::progress::Progress;
 
 /// Context of another crate's command.
@@ -91,8 +92,12 @@ impl OwnCommand {
         (self.augment)(clap::Command::new(self.name)).about(self.summary)
     }
 
+    /// Runs the command with its arguments.
+    ///
+    /// # Errors
+    /// Returns the error of the command, or status 1 with its name if it panics.
     pub(crate) fn run(&self, matches: &ArgMatches, session: &Session<'_>) -> Result<()> {
-        (self.run)(matches, session)
+        ask_plugin(|| format!("command {}", self.name), || (self.run)(matches, session))
     }
 }
 

@@ -9,7 +9,7 @@ use crate::app::scan::check_thick;
 use crate::app::{OpenOptions, Scan, Timings, colon};
 use crate::cli::Program;
 use crate::cli::args::{Global, QualityName};
-use crate::error::{Error, Result};
+use crate::error::{Error, Kind, Result};
 use crate::fields::cleanse::{self, Cleansed};
 use crate::fields::{Lumen, lumen};
 use crate::memory::resident_bytes;
@@ -83,7 +83,10 @@ pub(crate) fn transfer(global: &Global) -> Result<TransferFunction> {
 /// Returns status 2 if it exceeds them.
 pub(crate) fn fov(global: &Global, camera: CameraModel) -> Result<f64> {
     let fov = global.fov.unwrap_or(90.0);
-    camera.camera(fov, 1.0).map_err(|e| Error::usage("--fov", e.why, "give an angle such as 90"))?;
+    camera.camera(fov, 1.0).map_err(|e| match e.kind {
+        Kind::Usage => Error::usage("--fov", e.why, "give an angle such as 90"),
+        _ => e,
+    })?;
     Ok(fov)
 }
 

@@ -12,7 +12,7 @@ use serde_json::json;
 use crate::cli::args::{Global, ImageSize, QualityName, RenderArgs};
 use crate::cli::prepare::say;
 use crate::cli::{Program, prepare};
-use crate::error::{Error, Result};
+use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
 use crate::host::record::write_png;
 use crate::host::terminal::Bar;
@@ -61,8 +61,10 @@ pub(crate) fn run(program: &Program, args: &RenderArgs, global: &Global, progres
         .enumerate()
         .map(|(n, p)| {
             let [position, forward, up] = [p.position, p.forward, p.up].map(DVec3::from_array);
-            View::with_model(position, forward, up, camera, fov, size.width, size.height)
-                .map_err(|e| Error::file(&args.poses, format!("pose {n}: {}: {}", e.what, e.why), e.hint))
+            View::with_model(position, forward, up, camera, fov, size.width, size.height).map_err(|e| match e.kind {
+                Kind::Usage => Error::file(&args.poses, format!("pose {n}: {}: {}", e.what, e.why), e.hint),
+                _ => e,
+            })
         })
         .collect::<Result<_>>()?;
     output::make_folder(&args.out)?;
@@ -71,7 +73,13 @@ pub(crate) fn run(program: &Program, args: &RenderArgs, global: &Global, progres
     let scan = prepare::open(Some(&args.input), global, preset, progress)?;
     let mut timings = scan.timings().clone();
     let reuse = if args.no_reuse { Reuse::Never } else { Reuse::Allowed };
-    let mut renderer = timings.time("renderer_s", || Ok(renderer(scan.volume(), settings, preset, reuse)))?;
+    let make = || {
+        panics::ask_plugin(
+            || format!("preset {}", preset.name),
+            || Ok(renderer(scan.volume(), settings, preset, reuse)),
+        )
+    };
+    let mut renderer = timings.time("renderer_s", make)?;
     let mut frame = Frame::new(size.width, size.height);
     let mut depth = vec![0.0; if args.depth { size.width * size.height } else { 0 }];
     let mut frames = Vec::with_capacity(views.len());
@@ -80,7 +88,8 @@ pub(crate) fn run(program: &Program, args: &RenderArgs, global: &Global, progres
     let mut one = |n: usize, view: &View| {
         let begun = Instant::now();
         if args.depth {
-            depths(scan.volume(), view, &mut depth, progress)?;
+            let measure = || depths(scan.volume(), view, &mut depth, progress);
+            panics::ask_plugin(|| format!("camera {}", camera.name), measure)?;
         }
         let work = panics::catch(|| renderer.render(view, &mut frame)).map_err(|why| {
             let what = format!("preset {}", preset.name);
@@ -115,7 +124,10 @@ fn read(path: &Path, camera: CameraModel) -> Result<Poses> {
     let text = output::read_text(path, hint)?;
     let poses: Poses = serde_json::from_str(&text).map_err(|e| Error::file(path, e.to_string(), hint).caused_by(e))?;
     if let Some(fov) = poses.fov_degrees {
-        camera.camera(fov, 1.0).map_err(|e| Error::file(path, format!("fov_degrees: {}", e.why), hint))?;
+        camera.camera(fov, 1.0).map_err(|e| match e.kind {
+            Kind::Usage => Error::file(path, format!("fov_degrees: {}", e.why), hint),
+            _ => e,
+        })?;
     }
     Ok(poses)
 }

@@ -18,7 +18,7 @@ use super::ledger::{self, Fault, Ledger};
 use super::parts::Parts;
 use super::{FlightSystems, Phase, Plugin};
 use crate::error::{Error, Result};
-use crate::panics;
+use crate::{output, panics};
 
 /// A slot that exactly one plugin may fill.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -140,6 +140,18 @@ struct Filled {
     owner: Owner,
     /// True if a plug-in of another crate has filled it.
     is_plugged: bool,
+}
+
+impl Drop for App {
+    /// Drops the world. A panic of what plug-ins have put into it is told with their names, and goes no further.
+    fn drop(&mut self) {
+        let world = std::mem::take(&mut self.world);
+        if let Err(why) = panics::catch(|| drop(world)) {
+            let who =
+                if self.plugged.is_empty() { "a component or resource".to_owned() } else { self.plugged.join(" or ") };
+            output::to_stderr(format_args!("note: plug-in {who} panicked when it was dropped: {why}"));
+        }
+    }
 }
 
 impl Default for App {

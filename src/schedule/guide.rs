@@ -10,6 +10,7 @@ use super::{App, Look};
 use crate::dynamics::Body;
 use crate::error::Result;
 use crate::fields::centerline::CenterlineMethod;
+use crate::panics::ask_plugin;
 use crate::render::options::unread;
 
 /// The data to derive from the lumen before a guide can fly.
@@ -223,7 +224,7 @@ impl Guides {
     /// # Errors
     /// Returns status 2 and names the first setting that is out of range.
     pub fn check(&self) -> Result<()> {
-        self.0.iter().try_for_each(|g| g.settings.check())
+        self.0.iter().try_for_each(|g| ask_plugin(|| format!("guide {}", g.name), || g.settings.check()))
     }
 }
 

@@ -116,7 +116,11 @@ impl Guide for Licensed {
 
     fn check(&self) -> Result<()> {
         let e = std::io::Error::other("no licence");
-        if self.key.is_empty() { Err(Error::incomplete("licensed.key", "is missing", "buy one").caused_by(e)) } else { Ok(()) }
+        if self.key.is_empty() {
+            Err(Error::incomplete("licensed.key", "is missing", "buy one").caused_by(e))
+        } else {
+            Ok(())
+        }
     }
 
     fn plug(&self, _: &mut App) -> Result<()> {
@@ -141,4 +145,71 @@ fn an_error_in_a_scene_file_keeps_its_kind_and_its_cause() {
     assert!(e.kind == Kind::Usage && std::error::Error::source(&e).is_some(), "{e}");
     let e = Scene::read(&dir.path().join("none.toml"), &catalog).unwrap_err();
     assert!(e.kind == Kind::Input && std::error::Error::source(&e).is_some(), "{e}");
+}
+
+#[derive(Component, Clone, Debug, Default, serde::Deserialize)]
+struct Unsteady;
+
+impl Guide for Unsteady {
+    const NAME: &'static str = "unsteady";
+    const SUMMARY: &'static str = "panics when it is asked";
+
+    fn cruise_mm_s(&self, _: &Body) -> f64 {
+        panic!("cruised badly")
+    }
+
+    fn check(&self) -> Result<()> {
+        panic!("checked badly")
+    }
+
+    fn plug(&self, _: &mut App) -> Result<()> {
+        Ok(())
+    }
+}
+
+#[derive(Component, Clone, Debug, Default, serde::Deserialize)]
+struct Restless;
+
+impl Guide for Restless {
+    const NAME: &'static str = "restless";
+    const SUMMARY: &'static str = "does not know its speed";
+
+    fn cruise_mm_s(&self, _: &Body) -> f64 {
+        panic!("cruised badly")
+    }
+
+    fn plug(&self, _: &mut App) -> Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_guide_that_panics_when_it_is_asked_is_told_by_its_name() {
+    let e = Scene::steered_by(Unsteady).check().unwrap_err();
+    assert!(e.kind == Kind::Fault && e.to_string().contains("guide unsteady: panicked: checked badly"), "{e}");
+    let scene = Scene { picture: true, image: images_by_all().remove(0), ..Scene::steered_by(Restless) };
+    let out = fly(scene, &[]);
+    assert!(out.kind.is_none() && out.images == 4, "{}", out.said);
+    assert!(out.said.contains("guide restless panicked: cruised badly"), "{}", out.said);
+    assert!(out.said.contains("its cruise speed counts as 0"), "{}", out.said);
+}
+
+#[derive(Resource)]
+struct Grenade;
+
+impl Drop for Grenade {
+    fn drop(&mut self) {
+        panic!("dropped badly");
+    }
+}
+
+#[test]
+fn what_panics_when_the_flight_is_dropped_goes_no_further() {
+    let arms = |app: &mut App| {
+        app.world.insert_resource(Grenade);
+        Ok(())
+    };
+    let scene = recorded(images_by_all().remove(0)).plug(("arms", arms)).unwrap();
+    let out = fly(scene, &[]);
+    assert!(out.kind.is_none() && out.images == 4, "{}", out.said);
 }

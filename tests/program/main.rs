@@ -5,6 +5,7 @@ mod centerline;
 mod cleanse;
 mod command_line;
 mod commands;
+mod doors;
 mod examples;
 mod extremes;
 mod layers;

@@ -262,7 +262,14 @@ impl Workspace {
     /// Creates a workspace with these panels, in the layout `wanted` or else the last used one. Also returns the error if the
     /// stored state is invalid. In that case everything has its initial position and nothing is stored.
     pub(crate) fn new(entries: &[PanelEntry], wanted: Option<&str>, file: Option<PathBuf>) -> (Self, Option<Error>) {
-        let make = |e: &PanelEntry| Shown { entry: *e, panel: (e.make)(), fault: None };
+        // A panel that cannot be made is shown as one that has failed.
+        let make = |e: &PanelEntry| {
+            let (panel, fault) = match panics::catch(|| (e.make)()) {
+                Ok(panel) => (panel, None),
+                Err(why) => ((PanelEntry::NONE.make)(), Some(why)),
+            };
+            Shown { entry: *e, panel, fault }
+        };
         let panels: Vec<Shown> = entries.iter().map(make).collect();
         let layouts = LAYOUTS.iter().map(|l| Arrangement::new(l, &panels)).collect();
         let first = LAYOUTS.iter().position(|l| l.name == FIRST).unwrap_or(0);

@@ -13,6 +13,7 @@ use crate::fields::Lumen;
 use crate::fields::cleanse::{self, Cleansed};
 use crate::fields::lumen::{self, Told};
 use crate::host::window::cleansing::boxed;
+use crate::panics::ask_plugin;
 use crate::polyps::{self, Candidate, Colon, Detector, Measurement, Wall, detectors};
 use crate::progress::Progress;
 use crate::render::{Frame, Preset, Quality, Reuse, Settings, renderer};
@@ -114,7 +115,9 @@ pub(crate) fn search(input: Input, progress: &Progress) -> Result<Found> {
     let all = polyps::find(&detector, &Colon { volume: &volume, lumen: &lumen, wall: &wall }, progress)?;
     drop(volume);
     let looks = Looks::new(&around);
-    let mut renderer = renderer(&around, Settings::new(Quality::High), preset, Reuse::Never);
+    let make = || Ok(renderer(&around, Settings::new(Quality::High), preset, Reuse::Never));
+    let name = || format!("preset {}", preset.name);
+    let mut renderer = ask_plugin(name, make)?;
     let mut frame = Frame::new(SIDE, SIDE);
     let is_default = detector.name == detectors::BUILT_IN[0].name;
     let listed = all.into_iter().filter(|c| !is_default || c.score >= LEAST_SCORE).take(MOST);
@@ -122,7 +125,7 @@ pub(crate) fn search(input: Input, progress: &Progress) -> Result<Found> {
     progress.stage("rendering candidates", listed.size_hint().1.unwrap_or(0) as u64);
     for candidate in listed {
         let (view, _) = looks.view(&Subject::of(&candidate, &wall), SIDE)?;
-        renderer.render(&view, &mut frame);
+        ask_plugin(name, || Ok(renderer.render(&view, &mut frame)))?;
         let pose = Pose { position: view.position(), attitude: Attitude::new(view.forward(), view.up()) };
         let along = along.of(candidate.position);
         list.push(Entry { candidate, along, pose, picture: frame.pixels().to_vec() });
