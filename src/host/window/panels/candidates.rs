@@ -150,7 +150,8 @@ impl CandidatesPanel {
         }
         ui.horizontal_wrapped(|ui| {
             let mut marks = assistant.is_marking;
-            if ui.checkbox(&mut marks, "Marks").on_hover_text("mark the candidates in all views (J)").changed() {
+            let tip = context.tip("candidate-marks");
+            if ui.checkbox(&mut marks, "Marks").on_hover_text(tip).changed() {
                 requests.assist(AssistInput::Mark);
             }
             let text = if assistant.is_measuring { "Stop measuring" } else { "Measure" };

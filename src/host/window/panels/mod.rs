@@ -153,15 +153,22 @@ impl<'a> Context<'a> {
         (action.possible)(self.controller).err()
     }
 
+    /// Returns what an action does and its key, for a tooltip; empty if the action does not exist.
+    pub(super) fn tip(&self, id: &str) -> String {
+        let tip = |action: &Action| match action.key_text() {
+            key if key.is_empty() => action.title(),
+            key => format!("{} ({key})", action.title()),
+        };
+        self.actions.named(id).map_or_else(String::new, tip)
+    }
+
     /// Adds a button for an action of the window, by its id, with its text and key as a tooltip. It is grey while the action is
     /// not possible. Does nothing if the action does not exist.
     pub fn button(&self, ui: &mut Ui, text: &str, id: &str, requests: &mut Requests) {
         let Some(action) = self.actions.named(id) else { return };
         let why_not = self.why_not(action);
         let shown = ui.add_enabled(why_not.is_none(), egui::Button::new(text));
-        let key = action.key_text();
-        let tip = if key.is_empty() { action.title() } else { format!("{} ({key})", action.title()) };
-        if shown.on_hover_text(tip).on_disabled_hover_text(why_not.unwrap_or_default()).clicked() {
+        if shown.on_hover_text(self.tip(id)).on_disabled_hover_text(why_not.unwrap_or_default()).clicked() {
             requests.action(id);
         }
     }
