@@ -1,6 +1,7 @@
 //! Controls a flight in a window: steps in real time, images when something has changed, and operator commands.
 
 mod assisting;
+mod history;
 mod pointing;
 mod seeing;
 mod telling;
@@ -54,6 +55,7 @@ use crate::render::Frame;
 use crate::render::ImageSize;
 use crate::systems::present;
 use crate::volume::io::thick_slices;
+use history::History;
 
 /// Maximum number of steps between two images. A slower machine flies slower.
 const STEPS: u32 = 10;
@@ -106,8 +108,8 @@ pub(crate) struct FlightController {
     kinds: Kinds,
     /// What of the wall was seen, watched once somebody asks for it.
     seen: Seen,
-    /// What was changed last.
-    changed: Changed,
+    /// What was changed, in order.
+    history: History,
     /// True once anything of the flight was shown.
     has_shown: bool,
     wake: WakeUp,
@@ -119,14 +121,6 @@ pub(crate) struct FlightController {
     scale: f32,
     /// True if there is something new to show although the flight rests.
     attention: bool,
-}
-
-/// What a change was made to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Changed {
-    Distance,
-    Answer,
-    Kind,
 }
 
 /// Mouse and wheel movements since the last step. Each sum becomes one command, because a mouse reports far more often than the
@@ -185,7 +179,7 @@ impl FlightController {
             answers_file: None,
             kinds,
             seen: Seen::new(now),
-            changed: Changed::Distance,
+            history: History::default(),
             has_shown: false,
             wake,
             last_guide,
@@ -357,6 +351,7 @@ impl FlightController {
             FlightInput::LookAt(pixel) => self.look_at(pixel, at.now),
             FlightInput::DeleteMeasure(n) => {
                 let kept = self.measures.delete(n);
+                self.note_changes();
                 self.report_kept(kept, at.now);
             }
         }
@@ -623,6 +618,8 @@ impl FlightController {
         self.take_planned(now);
         self.take_cleansed(now);
         self.take_found(now);
+        // Answers of a file may have been added to the list.
+        self.note_changes();
         self.take_kinds(now);
         self.take_seen(now);
         for note in self.flight.take_notes() {

@@ -92,6 +92,8 @@ pub(crate) struct Kinds {
     chosen: Option<DVec3>,
     told: Vec<Told>,
     before: Vec<Vec<Told>>,
+    /// Number of changes ever made.
+    made: u64,
     /// The file of what the reader said; `None` if it is not stored.
     file: Option<PathBuf>,
     /// When the progress was looked at.
@@ -109,6 +111,7 @@ impl Kinds {
             chosen: None,
             told,
             before: Vec::new(),
+            made: 0,
             file: None,
             looked: now,
         }
@@ -241,10 +244,16 @@ impl Kinds {
         if told == self.told {
             return Ok(false);
         }
+        self.made += 1;
         self.before.push(std::mem::replace(&mut self.told, told));
         self.before.drain(..self.before.len().saturating_sub(UNDONE));
         self.begin(at, wake, now);
         self.keep().map(|()| true)
+    }
+
+    /// Returns the number of changes that were ever made; undoing counts as none.
+    pub(crate) fn changes_made(&self) -> u64 {
+        self.made
     }
 
     /// True if a change can be undone.

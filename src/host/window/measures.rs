@@ -64,6 +64,8 @@ pub(crate) struct Measures {
     /// The first clicked end, until the second one is clicked.
     begun: Option<DVec3>,
     before: Vec<Vec<Measure>>,
+    /// Number of changes ever made.
+    made: u64,
     /// The file for them; `None` if they are not stored.
     file: Option<PathBuf>,
 }
@@ -138,20 +140,33 @@ impl Measures {
         self.delete(self.list.len().wrapping_sub(1))
     }
 
-    /// Undoes the last change, or discards an incomplete measure.
+    /// Returns the number of changes that were ever made; undoing counts as none.
+    pub(crate) fn changes_made(&self) -> u64 {
+        self.made
+    }
+
+    /// True if a change can be undone.
+    pub(crate) fn may_undo(&self) -> bool {
+        !self.before.is_empty()
+    }
+
+    /// Discards an incomplete measure. Returns true if there was one.
+    pub(crate) fn discard_begun(&mut self) -> bool {
+        self.begun.take().is_some()
+    }
+
+    /// Undoes the last change.
     ///
     /// # Errors
     /// Returns the errors of [`Measures::click`].
     pub(crate) fn undo(&mut self) -> Result<()> {
-        if self.begun.take().is_some() {
-            return Ok(());
-        }
         let Some(before) = self.before.pop() else { return Ok(()) };
         self.list = before;
         self.keep()
     }
 
     fn change(&mut self, change: impl FnOnce(&mut Vec<Measure>)) -> Result<()> {
+        self.made += 1;
         self.before.push(self.list.clone());
         let more = self.before.len().saturating_sub(UNDONE);
         self.before.drain(..more);
@@ -187,8 +202,8 @@ mod tests {
         assert_eq!(m.click(DVec3::ZERO).unwrap(), None);
         assert_eq!(m.click(DVec3::new(3.0, 4.0, 0.0)).unwrap().unwrap().text(), "5.0 mm");
         m.click(DVec3::X).unwrap();
-        m.undo().unwrap();
-        assert!(m.begun().is_none() && m.list().len() == 1, "an end without another is undone first");
+        assert!(m.discard_begun() && !m.discard_begun());
+        assert!(m.begun().is_none() && m.list().len() == 1, "an end without another is no change");
         for x in [1.0, 2.0] {
             m.click(DVec3::X * x).unwrap();
             m.click(DVec3::Y * x).unwrap();

@@ -45,6 +45,10 @@ pub(crate) struct Reading {
     others: Vec<Answered>,
     current: Option<usize>,
     changes: Vec<Change>,
+    /// Number of changes ever made.
+    made: u64,
+    /// True if letters of a note that follow belong to the last change.
+    is_writing: bool,
     /// The file of the answers; `None` if they are not stored.
     file: Option<PathBuf>,
 }
@@ -81,6 +85,16 @@ impl Reading {
     /// Returns the number of candidates with an answer.
     pub(crate) fn answered(&self) -> usize {
         self.said.iter().filter(|s| s.answer.is_some()).count()
+    }
+
+    /// Returns the number of changes that were ever made; undoing counts as none.
+    pub(crate) fn changes_made(&self) -> u64 {
+        self.made
+    }
+
+    /// Ends the note that is being written: letters that follow are another change.
+    pub(crate) fn end_note(&mut self) {
+        self.is_writing = false;
     }
 
     /// True if a change can be undone.
@@ -131,6 +145,7 @@ impl Reading {
     /// # Errors
     /// As [`Reading::answer`].
     pub(crate) fn undo(&mut self) -> Result<Option<usize>> {
+        self.is_writing = false;
         let Some(change) = self.changes.pop() else { return Ok(None) };
         let first = change.before.first().map(|b| b.0);
         for (n, said) in change.before {
@@ -183,11 +198,14 @@ impl Reading {
             }
         }
         let goes_on = is_note
+            && self.is_writing
             && self
                 .changes
                 .last()
                 .is_some_and(|c| c.is_note && c.before.iter().map(|b| b.0).eq(before.iter().map(|b| b.0)));
         if !before.is_empty() && !goes_on {
+            self.made += 1;
+            self.is_writing = is_note;
             self.changes.push(Change { before, is_note });
             let more = self.changes.len().saturating_sub(UNDONE);
             self.changes.drain(..more);

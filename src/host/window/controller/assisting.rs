@@ -6,8 +6,8 @@ use std::time::Instant;
 
 use glam::DVec3;
 
+use super::FlightController;
 use super::pointing::go_to;
-use super::{Changed, FlightController};
 use crate::components::camera::Pose;
 use crate::components::input::FlightCommand;
 use crate::components::review::ReviewStop;
@@ -71,9 +71,6 @@ impl FlightController {
     /// Executes a request to the assistant.
     pub(crate) fn assist(&mut self, request: AssistInput, now: Instant) {
         self.attention = true;
-        if matches!(request, AssistInput::Answer(_) | AssistInput::Note(..) | AssistInput::Load(_)) {
-            self.changed = Changed::Answer;
-        }
         let (file, detector) = (&self.answers_file, self.detector);
         let assistant = self.assistant.get_or_insert_with(|| Box::new(Assistant::new(detector, file.clone(), now)));
         match request {
@@ -103,10 +100,7 @@ impl FlightController {
                 let kept = assistant.reading_mut().note(n, note);
                 assistant.report(kept);
             }
-            AssistInput::Undo => {
-                let kept = assistant.reading_mut().undo();
-                assistant.report(kept.map(drop));
-            }
+            AssistInput::Undo => self.undo_answer(),
             AssistInput::Mark => assistant.is_marking = !assistant.is_marking,
             AssistInput::Measure => {
                 assistant.is_measuring = !assistant.is_measuring;
@@ -121,6 +115,7 @@ impl FlightController {
             AssistInput::Forget => assistant.forget_measured(),
             AssistInput::Load(path) => assistant.load(&path),
         }
+        self.note_changes();
     }
 
     /// Adds a file of answers, which begins the search for what they belong to.

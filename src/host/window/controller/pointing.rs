@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 
-use super::{Changed, FlightController, recordable};
+use super::{FlightController, recordable};
 use crate::components::camera::Pose;
 use crate::components::input::{FlightCommand, HandCommand};
 use crate::components::output::Picture;
@@ -12,7 +12,7 @@ use crate::components::slices::Orientation;
 use crate::error::Result;
 use crate::host::window::actions::ActionContext;
 use crate::host::window::measures::Measures;
-use crate::host::window::panels::{AssistInput, SliceInput};
+use crate::host::window::panels::SliceInput;
 use crate::host::window::slices::Slices;
 use crate::host::window::travel::Travel;
 use crate::space::first_crossing;
@@ -104,31 +104,21 @@ impl FlightController {
         }
     }
 
-    /// Undoes the last change: of kinds or answers if one of those was the last, otherwise of the measures.
-    pub(crate) fn undo(&mut self, at: ActionContext) {
-        if self.changed == Changed::Kind && self.kinds.may_undo() {
-            return self.undo_kind(at.now);
-        }
-        if self.changed == Changed::Answer && self.assistant().is_some_and(|a| a.reading().may_undo()) {
-            return self.assist(AssistInput::Undo, at.now);
-        }
-        let kept = self.measures.undo();
-        self.report_kept(kept, at.now);
-    }
-
     /// Deletes the last measure.
     pub(crate) fn delete_last_measure(&mut self, at: ActionContext) {
         let kept = self.measures.delete_last();
+        self.note_changes();
         self.report_kept(kept, at.now);
     }
 
     fn measure(&mut self, place: DVec3, now: Instant) {
         self.attention = true;
-        self.changed = Changed::Distance;
         self.slices.point(&self.flight, place);
-        match self.measures.click(place) {
+        let clicked = self.measures.click(place);
+        self.note_changes();
+        match clicked {
             Ok(Some(made)) => self.say(made.text(), now),
-            Ok(None) => {}
+            Ok(None) => self.note_begun(),
             Err(e) => self.report_kept(Err(e), now),
         }
     }

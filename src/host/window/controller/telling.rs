@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 
-use super::{Changed, FlightController};
+use super::FlightController;
 use crate::app::flight::Onward;
 use crate::components::flight::State;
 use crate::fields::lumen::GasKind;
@@ -56,10 +56,11 @@ impl FlightController {
         if let Err(why) = self.kinds.may_tell() {
             return self.say(why, now);
         }
-        match self.kinds.tell(kind, &self.flight, &self.wake, now) {
+        let told = self.kinds.tell(kind, &self.flight, &self.wake, now);
+        self.note_changes();
+        match told {
             Ok(false) => self.say("it has that kind already", now),
             told => {
-                self.changed = Changed::Kind;
                 let what = kind.map_or("as it was judged", name);
                 self.say(format!("{what}: finding the lumen anew ..."), now);
                 self.report_kept(told.map(drop), now);

@@ -4,10 +4,14 @@ use std::thread;
 use super::*;
 use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scan, Scene};
 use crate::components::slices::{Orientation, SliceView};
+use crate::host::window::actions::ActionContext;
+use crate::host::window::assistant::Said;
 use crate::host::window::controller::FlightController;
 use crate::host::window::controller::tests::{cockpit_of, perform};
-use crate::host::window::panels::SliceInput;
+use crate::host::window::panels::{AssistInput, FlightInput, SliceInput};
+use crate::math::hash;
 use crate::phantom::{Phantom, PhantomSettings};
+use crate::polyps::answers::Answer;
 use crate::render::{ImageSize, Settings};
 
 /// A scan with other gas beside the colon, which is collapsed in places.
@@ -159,4 +163,94 @@ fn what_cannot_be_stored_is_told_all_the_same() {
     assert!(c.hud(now).message.unwrap().starts_with("not saved: "));
     until_found(&mut c, now);
     assert_eq!(c.kinds().chosen_body().unwrap().1.kind, GasKind::Lung);
+}
+
+/// What the reader has said and measured.
+type State = (Vec<String>, Vec<Said>, Vec<Told>);
+
+fn state(c: &FlightController) -> State {
+    let measures = c.measures().list().iter().map(|m| format!("{m:?}")).collect();
+    let reading = c.assistant().unwrap().reading();
+    (measures, (0..).map_while(|n| reading.said(n).cloned()).collect(), c.kinds().told.clone())
+}
+
+/// Whatever is done in whatever order, undoing takes back the last change.
+#[test]
+fn changes_are_undone_in_the_order_in_which_they_were_made() {
+    let (mut scan, now) = (scan(), Instant::now());
+    let mut c = flown(&mut scan);
+    c.show_kinds(true, now);
+    c.assist(AssistInput::Begin, now);
+    let begun = Instant::now();
+    while c.kinds().next().is_some() || c.may_read().is_err() {
+        assert!(begun.elapsed() < Duration::from_secs(240), "{:?}", c.hud(now).message);
+        c.advance(now).unwrap();
+        thread::sleep(Duration::from_millis(2));
+    }
+    perform(&mut c, "candidate-yes", now);
+    assert!(c.hud(now).message.unwrap().contains("no candidate is chosen"));
+    let (place, _) = no_colon(&c);
+    c.slice(SliceInput::Click(place), now);
+    c.assist(AssistInput::Select(0), now);
+    let at = ActionContext { window: ImageSize::new(32, 24), now };
+    let answers = [Answer::Yes, Answer::No, Answer::Unsure];
+    let kinds = [Some(GasKind::Lung), Some(GasKind::Stomach), None];
+    for seed in 0..4 {
+        let mut before: Vec<State> = Vec::new();
+        // The candidate whose note is being written.
+        let mut writing = None;
+        let mut n = 0;
+        let mut random = |below: usize| {
+            n += 1;
+            (hash::uniform(seed, n) * below as f64) as usize
+        };
+        while !c.measures().list().is_empty() || state(&c).2 != [] {
+            perform(&mut c, "undo", now);
+        }
+        for step in 0..80 {
+            let (former, what) = (state(&c), random(9));
+            let mut note = None;
+            match what {
+                0 | 1 => {
+                    if !c.measures().is_on() {
+                        c.switch_measuring(at);
+                    }
+                    c.slice(SliceInput::Click(place), now);
+                    // Half way, an end is discarded and nothing else.
+                    if random(3) == 0 {
+                        perform(&mut c, "undo", now);
+                        assert!(c.measures().begun().is_none() && state(&c) == former, "{seed}, {step}");
+                        continue;
+                    }
+                    c.slice(SliceInput::Click(place + DVec3::X * (1.0 + random(50) as f64)), now);
+                }
+                2 => c.delete_last_measure(at),
+                3 => c.follow(FlightInput::DeleteMeasure(random(4)), at),
+                4 => c.assist(AssistInput::Answer(answers[random(3)]), now),
+                5 => {
+                    let of = random(2);
+                    note = Some(of);
+                    c.assist(AssistInput::Note(of, format!("{} letters", random(1000))), now);
+                }
+                6 => c.tell_kind(kinds[random(3)], now),
+                _ => {
+                    perform(&mut c, "undo", now);
+                    assert_eq!(state(&c), before.pop().unwrap_or(former), "{seed}, {step}");
+                    writing = None;
+                    continue;
+                }
+            }
+            if state(&c) != former {
+                // Letter by letter, a note is one change.
+                if note.is_none() || note != writing {
+                    before.push(former);
+                }
+                writing = note;
+            }
+        }
+        for former in before.into_iter().rev() {
+            perform(&mut c, "undo", now);
+            assert_eq!(state(&c), former, "{seed}");
+        }
+    }
 }
