@@ -3,6 +3,7 @@
 //! A layout is computed only if something that it shows may have changed, and is rasterised only if it differs. The interface
 //! does not depend on a window: the caller passes egui's events, and tests create them.
 
+use crate::panics;
 use crate::render::ImageSize;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -99,6 +100,15 @@ impl Default for Interface {
 impl Interface {
     /// Creates an interface without a layout.
     pub(crate) fn new() -> Self {
+        Self { egui: Self::context(), layout: None, next: None }
+    }
+
+    /// Begins anew after a panic, which may have damaged egui's state: its fonts, its memory of widgets.
+    pub(crate) fn renew(&mut self) {
+        (self.egui, self.next) = (Self::context(), None);
+    }
+
+    fn context() -> Context {
         let egui = Context::default();
         egui.set_theme(egui::Theme::Dark);
         egui.options_mut(|o| {
@@ -115,7 +125,7 @@ impl Interface {
             // As legible as text over the pictures.
             style.visuals.override_text_color = Some(super::overlay::INK);
         });
-        Self { egui, layout: None, next: None }
+        egui
     }
 
     /// Returns egui's state.
@@ -137,16 +147,29 @@ impl Interface {
     /// below it.
     ///
     /// A window without pixels has no layout.
+    ///
+    /// # Errors
+    /// Returns the reason if it panics. The former layout stays, and the next one begins anew.
     pub(crate) fn lay_out(
+        &mut self,
+        input: RawInput,
+        size: WindowSize,
+        now: Instant,
+        draw: impl FnMut(&mut Ui) -> Vec<Rect>,
+    ) -> Result<PlatformOutput, String> {
+        if size.pixels.pixels() == 0 {
+            return Ok(PlatformOutput::default());
+        }
+        panics::catch(|| self.lay_out_now(input, size, now, draw)).inspect_err(|_| self.renew())
+    }
+
+    fn lay_out_now(
         &mut self,
         mut input: RawInput,
         size: WindowSize,
         now: Instant,
         mut draw: impl FnMut(&mut Ui) -> Vec<Rect>,
     ) -> PlatformOutput {
-        if size.pixels.pixels() == 0 {
-            return PlatformOutput::default();
-        }
         let mut textures = TexturesDelta::default();
         if self.egui.zoom_factor() != size.zoom() {
             // egui takes a new factor over from the previous pass, which must have had this window's size.

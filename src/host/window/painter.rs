@@ -16,6 +16,7 @@ use super::overlay;
 use crate::app::overlay::Mark;
 use crate::error::{Error, Result};
 use crate::render::{Frame, ImageSize};
+use crate::schedule::report_fault;
 
 /// A layout to be rasterised, with the changes of the textures since the previous one.
 struct Request {
@@ -148,16 +149,16 @@ impl Marker {
         if marks.is_empty() {
             return;
         }
-        self.interface.lay_out(
-            RawInput::default(),
-            WindowSize { pixels, scale: 1.0 },
-            std::time::Instant::now(),
-            |ui| {
-                let area = ui.ctx().content_rect();
-                overlay::marks(&ui.ctx().layer_painter(LayerId::background()), area, marks);
-                Vec::new()
-            },
-        );
+        let now = std::time::Instant::now();
+        let drawn = self.interface.lay_out(RawInput::default(), WindowSize { pixels, scale: 1.0 }, now, |ui| {
+            let area = ui.ctx().content_rect();
+            overlay::marks(&ui.ctx().layer_painter(LayerId::background()), area, marks);
+            Vec::new()
+        });
+        if let Err(why) = drawn {
+            report_fault("an overlay's marks", why);
+            return;
+        }
         if let Some(layout) = self.interface.layout() {
             self.artist.paint(layout, &layout.textures).cover_frame(picture);
         }
@@ -213,11 +214,12 @@ mod tests {
         /// Lays out `text`, with or without a picture below.
         fn lay_out(&mut self, pixels: ImageSize, scale: f32, text: &str, picture: bool) {
             let size = WindowSize { pixels, scale };
-            self.interface.lay_out(RawInput::default(), size, Instant::now(), |ui| {
+            let laid_out = self.interface.lay_out(RawInput::default(), size, Instant::now(), |ui| {
                 let area = ui.ctx().content_rect();
                 overlay::loading(&ui.ctx().layer_painter(LayerId::background()), area, text, None, "Esc");
                 picture.then_some(area).into_iter().collect()
             });
+            laid_out.unwrap();
             if let Some(layout) = self.interface.layout() {
                 self.painter.prepare(layout);
             }

@@ -44,6 +44,8 @@ use crate::render::adaptive::FRAME;
 const LOADING: Duration = Duration::from_millis(60);
 /// Minimum time between two layouts of panels that show a moving flight.
 const LAYOUTS: Duration = Duration::from_millis(30);
+/// The window ends after more layouts in a row than this that have panicked.
+const MOST_PANICS: u32 = 5;
 /// Default size of a window, points.
 const USUAL: LogicalSize<f64> = LogicalSize::new(1024.0, 768.0);
 
@@ -75,6 +77,8 @@ pub(crate) struct Shell {
     /// The content and window size of the last layout. A new layout is needed if they differ.
     laid_out: Option<(Content, WindowSize)>,
     laid_out_at: Option<Instant>,
+    /// Number of layouts in a row in which something has panicked.
+    panicked: u32,
     interface: Interface,
     /// Converts window events for the interface.
     input: Option<egui_winit::State>,
@@ -159,6 +163,7 @@ impl Shell {
             framebuffer: None,
             laid_out: None,
             laid_out_at: None,
+            panicked: 0,
             interface: Interface::new(),
             input: None,
             touched: false,
@@ -439,7 +444,10 @@ impl Shell {
     }
 
     /// Updates the layout if something that it shows may have changed, and executes its requests.
-    fn lay_out(&mut self, now: Instant, events: &ActiveEventLoop) {
+    ///
+    /// # Errors
+    /// Returns status 1 if it panics again and again.
+    fn lay_out(&mut self, now: Instant, events: &ActiveEventLoop) -> Result<()> {
         let size = self.window_size();
         let content = match &mut self.stage {
             Stage::Loading(loading) => loading.content(),
@@ -448,7 +456,7 @@ impl Shell {
                 controller.scaled(size.pixels_a_point());
                 Content::Flight(Box::new(controller.hud(now)))
             }
-            Stage::Over => return,
+            Stage::Over => return Ok(()),
         };
         let more = match &self.stage {
             Stage::Flying(c) => c.has_marks() || self.workspace.shows_more_than_the_flight(),
@@ -458,9 +466,9 @@ impl Shell {
         let more = more && self.laid_out_at.is_none_or(|t| now.saturating_duration_since(t) >= LAYOUTS);
         let touched = std::mem::take(&mut self.touched) || more || self.interface.next().is_some_and(|t| t <= now);
         if !touched && self.laid_out.as_ref().is_some_and(|l| l.0 == content && l.1 == size) {
-            return;
+            return Ok(());
         }
-        let (Some(input), Some(window)) = (&mut self.input, &self.window) else { return };
+        let (Some(input), Some(window)) = (&mut self.input, &self.window) else { return Ok(()) };
         let (stage, workspace, mut requests) = (&self.stage, &mut self.workspace, Requests::default());
         let (actions, recent) = (&*self.actions, self.recent.scans());
         let (file_list, mut chosen) = (&mut self.file_list, None);
@@ -483,7 +491,25 @@ impl Shell {
             }
             requests.flight_at().into_iter().chain(requests.slices_at().iter().map(|s| s.1)).collect()
         });
-        input.handle_platform_output(window, output);
+        match (output, self.workspace.take_broken()) {
+            (Ok(output), false) => {
+                input.handle_platform_output(window, output);
+                self.panicked = 0;
+            }
+            // What is laid out now may be damaged: the next one begins anew, without the panel.
+            (laid_out, _) => {
+                self.panicked += 1;
+                if let (Err(why), true) = (&laid_out, self.panicked > MOST_PANICS) {
+                    let hint = "start it without its own panels, or report it";
+                    return Err(Error::fault("window", format!("its interface panicked: {why}"), hint));
+                }
+                self.interface.renew();
+                self.workspace.renew();
+                self.input = Some(input_of(&self.interface, window, events));
+                (self.touched, self.laid_out) = (true, None);
+                return Ok(());
+            }
+        }
         self.flight_at = requests.flight_at().map_or([0; 4], |at| size.in_pixels(at));
         self.slices_at = requests.slices_at().iter().map(|(o, at)| (*o, size.in_pixels(*at))).collect();
         self.laid_out = Some((content, size));
@@ -527,6 +553,7 @@ impl Shell {
                 }
             }
         }
+        Ok(())
     }
 
     /// Performs an action once.
@@ -567,7 +594,7 @@ impl Shell {
     /// Simulates up to now. Shows the picture if it differs from the displayed one, or if `anew` is set.
     fn picture(&mut self, anew: bool, events: &ActiveEventLoop) -> Result<()> {
         let now = Instant::now();
-        self.lay_out(now, events);
+        self.lay_out(now, events)?;
         let [left, top, width, height] = self.flight_at;
         let flight = (width * height > 0).then_some((left, top));
         let mut due = None;
@@ -655,6 +682,12 @@ fn load(prepare: Prepare, progress: &Arc<Progress>, proxy: &EventLoopProxy<Wake>
     })
 }
 
+/// Returns the translation of a window's events for an interface.
+fn input_of(interface: &Interface, window: &Window, events: &ActiveEventLoop) -> egui_winit::State {
+    let (scale, theme) = (window.scale_factor() as f32, Some(winit::window::Theme::Dark));
+    egui_winit::State::new(interface.egui().clone(), ViewportId::ROOT, events, Some(scale), theme, None)
+}
+
 /// Returns the painter of the layer below all panels.
 fn background(ui: &egui::Ui) -> egui::Painter {
     ui.ctx().layer_painter(LayerId::background())
@@ -674,9 +707,7 @@ impl ApplicationHandler<Wake> for Shell {
         match Framebuffer::open(events, attributes) {
             Ok(framebuffer) => {
                 let window = framebuffer.window();
-                let (scale, theme) = (window.scale_factor() as f32, Some(winit::window::Theme::Dark));
-                let egui = self.interface.egui().clone();
-                self.input = Some(egui_winit::State::new(egui, ViewportId::ROOT, events, Some(scale), theme, None));
+                self.input = Some(input_of(&self.interface, &window, events));
                 self.window = Some(window);
                 match &mut self.stage {
                     Stage::Flying(c) => {

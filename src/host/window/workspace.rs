@@ -15,6 +15,7 @@ use crate::components::slices::Orientation;
 use crate::error::{Error, Result};
 use crate::output;
 use crate::panics;
+use crate::schedule::note;
 
 /// The current version of the file of layouts.
 const VERSION: u32 = 1;
@@ -256,7 +257,12 @@ pub(crate) struct Workspace {
     layouts: Vec<Arrangement>,
     /// The file of the workspace; `None` if it is not stored.
     file: Option<PathBuf>,
+    /// True if a panel has panicked since the last [`Workspace::take_broken`].
+    is_broken: bool,
 }
+
+/// Farthest place that a panel draws at, points.
+const ABSURD: f32 = 1e5;
 
 impl Workspace {
     /// Creates a workspace with these panels, in the layout `wanted` or else the last used one. Also returns the error if the
@@ -273,7 +279,7 @@ impl Workspace {
         let panels: Vec<Shown> = entries.iter().map(make).collect();
         let layouts = LAYOUTS.iter().map(|l| Arrangement::new(l, &panels)).collect();
         let first = LAYOUTS.iter().position(|l| l.name == FIRST).unwrap_or(0);
-        let mut made = Self { panels, layout: first, layouts, file };
+        let mut made = Self { panels, layout: first, layouts, file, is_broken: false };
         let error = made.resume().err();
         if error.is_some() {
             made.file = None;
@@ -358,13 +364,33 @@ impl Workspace {
         self.panels.iter().any(|p| p.entry.name != "flight" && self.layouts[self.layout].is_shown(p.entry.name))
     }
 
+    /// Takes whether a panel has panicked since the last call. egui's state may then be damaged, and all panels are made anew, because
+    /// their pictures belong to it; those that have panicked stay hidden.
+    pub(crate) fn take_broken(&mut self) -> bool {
+        let is_broken = std::mem::take(&mut self.is_broken);
+        if is_broken {
+            self.renew();
+        }
+        is_broken
+    }
+
+    /// Makes all panels anew but those that have panicked.
+    pub(crate) fn renew(&mut self) {
+        for shown in self.panels.iter_mut().filter(|p| p.fault.is_none()) {
+            match panics::catch(|| (shown.entry.make)()) {
+                Ok(panel) => shown.panel = panel,
+                Err(why) => shown.fault = Some(why),
+            }
+        }
+    }
+
     /// Lays out all panels.
     pub(crate) fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
         if LAYOUTS[self.layout].menus {
             egui::Panel::top("menus").show_inside(ui, |ui| self.menus(context, ui, requests));
         }
-        let (panels, layout) = (&mut self.panels, &mut self.layouts[self.layout]);
-        layout.tree.ui(&mut Tiling { panels, context, requests }, ui);
+        let (panels, layout, is_broken) = (&mut self.panels, &mut self.layouts[self.layout], &mut self.is_broken);
+        layout.tree.ui(&mut Tiling { panels, context, requests, is_broken }, ui);
     }
 
     fn menus(&self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
@@ -409,10 +435,39 @@ impl Workspace {
 }
 
 /// Lays out panels in their tiles.
+/// Removes shapes of a layer, from `first` on, that no one can see and that take forever to draw: places that are not finite or absurdly
+/// far away. Returns true if there were any.
+fn hide_absurd(egui: &egui::Context, layer: egui::LayerId, first: egui::layers::ShapeIdx) -> bool {
+    egui.graphics_mut(|graphics| {
+        let list = graphics.entry(layer);
+        let mut any = false;
+        for n in first.0..list.next_idx().0 {
+            list.mutate_shape(egui::layers::ShapeIdx(n), |clipped| {
+                let is_absurd = |shape: &egui::Shape| {
+                    let at = shape.visual_bounding_rect();
+                    let is_nothing = at == egui::Rect::NOTHING || matches!(shape, egui::Shape::Noop);
+                    !is_nothing
+                        && !(at.is_finite() && at.min.to_vec2().length().max(at.max.to_vec2().length()) < ABSURD)
+                };
+                let is_one = match &clipped.shape {
+                    egui::Shape::Vec(all) => all.iter().any(is_absurd),
+                    one => is_absurd(one),
+                };
+                if is_one {
+                    (clipped.shape, any) = (egui::Shape::Noop, true);
+                }
+            });
+        }
+        any
+    })
+}
+
 struct Tiling<'a, 'b> {
     panels: &'a mut [Shown],
     context: &'a Context<'b>,
     requests: &'a mut Requests,
+    /// Set if a panel panics.
+    is_broken: &'a mut bool,
 }
 
 impl Behavior<String> for Tiling<'_, '_> {
@@ -431,6 +486,7 @@ impl Behavior<String> for Tiling<'_, '_> {
             ui.new_child(UiBuilder::new().max_rect(if shown.entry.picture { rect } else { rect.shrink(8.0) }));
         own.set_clip_rect(rect.intersect(ui.clip_rect()));
         let (context, requests) = (self.context, &mut *self.requests);
+        let (layer, begun) = (own.layer_id(), own.painter().add(egui::Shape::Noop));
         let laid_out = panics::catch(|| {
             if !shown.entry.picture {
                 own.label(RichText::new(shown.entry.title).strong());
@@ -438,10 +494,15 @@ impl Behavior<String> for Tiling<'_, '_> {
             }
             shown.panel.ui(context, &mut own, requests);
         });
+        if hide_absurd(own.ctx(), layer, begun) {
+            let what = "draws shapes without a reasonable size: they are not shown";
+            note(format!("panel {}", shown.entry.name), what);
+        }
         if let Err(why) = laid_out {
             output::to_stderr(format_args!("note: panel {} panicked: {why}; it is hidden", shown.entry.name));
             reported(ui, rect, shown.entry.title, &why);
             shown.fault = Some(why);
+            *self.is_broken = true;
         }
         UiResponse::None
     }
@@ -550,10 +611,14 @@ mod tests {
         let size = WindowSize { pixels: ImageSize::new(1000, 700), scale: 1.0 };
         let input = egui::RawInput { events, ..egui::RawInput::default() };
         let mut requests = Requests::default();
-        interface.lay_out(input, size, std::time::Instant::now(), |ui| {
+        let laid_out = interface.lay_out(input, size, std::time::Instant::now(), |ui| {
             w.ui(&Context::new(controller, &actions, &[], &hud), ui, &mut requests);
             Vec::new()
         });
+        // As the shell does.
+        if w.take_broken() || laid_out.is_err() {
+            interface.renew();
+        }
         requests
     }
 
@@ -607,6 +672,61 @@ mod tests {
             assert_eq!(w.panels.last().unwrap().fault.is_some(), n >= 2, "{n}");
         }
         assert!(w.panels.last().unwrap().fault.as_ref().unwrap().contains("the third time"));
+    }
+
+    /// Draws with a number that makes no sense.
+    struct Odd(usize, f32);
+
+    impl Panel for Odd {
+        fn ui(&mut self, _: &Context<'_>, ui: &mut Ui, _: &mut Requests) {
+            let (at, n) = (ui.max_rect().center(), self.1);
+            let (ink, line) = (egui::Color32::RED, egui::Stroke::new(1.0, egui::Color32::RED));
+            match self.0 {
+                0 => drop(ui.label(RichText::new("W").size(n))),
+                1 => drop(ui.painter().circle_filled(at, n, ink)),
+                2 => drop(ui.painter().line_segment([at, at + egui::vec2(n, n)], line)),
+                3 => drop(ui.painter().rect_filled(egui::Rect::from_center_size(at, egui::vec2(n, n)), n, ink)),
+                4 => drop(ui.painter().circle_stroke(at, 9.0, egui::Stroke::new(n, ink))),
+                _ => drop(ui.allocate_space(egui::vec2(n, n))),
+            }
+        }
+    }
+
+    thread_local! {
+        static ODD: std::cell::Cell<(usize, f32)> = const { std::cell::Cell::new((0, 0.0)) };
+    }
+
+    /// Whatever a panel draws, it may be hidden, but the other panels go on, and nothing hangs.
+    #[test]
+    fn a_panel_that_draws_absurdly_disturbs_no_other() {
+        let controller = crate::host::window::controller::tests::controller("tentacles");
+        let make = || {
+            let (what, n) = ODD.get();
+            Box::new(Odd(what, n)) as Box<dyn Panel>
+        };
+        let odd = PanelEntry { name: "odd", title: "Odd", shown: true, make, ..PanelEntry::NONE };
+        let all = [entries(), vec![odd]].concat();
+        let mut artist = crate::host::window::painter::Artist::new();
+        for what in 0..6 {
+            for n in [5000.0, 1e9, f32::INFINITY, f32::NAN, -1.0, 1e-9] {
+                // egui rasterises a glyph before anyone can refuse it, in memory of its size squared.
+                if what == 0 && n > 1e4 {
+                    continue;
+                }
+                ODD.set((what, n));
+                let (mut w, mut interface) = (Workspace::new(&all, Some("flight"), None).0, Interface::new());
+                let mut shown = Requests::default();
+                for _ in 0..4 {
+                    shown = lay_out(&mut w, &mut interface, &controller, Vec::new());
+                    if let Some(layout) = interface.layout() {
+                        artist.paint(layout, &layout.textures);
+                    }
+                }
+                assert!(shown.flight_at().is_some_and(|at| at.width() > 100.0 && at.is_finite()), "{what} {n}");
+                let layout = interface.layout().unwrap();
+                assert!(!layout.tessellate().is_empty(), "{what} {n}");
+            }
+        }
     }
 
     #[test]
