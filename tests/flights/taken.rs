@@ -82,7 +82,7 @@ const THIEVES: [(&str, &str, Thief); 8] = [
     }),
     ("despawned the camera", "world", |app| {
         between(app, [FlightSystems::Sense, FlightSystems::Guide], |world: &mut World| {
-            tenth(world, |camera| camera.despawn())
+            tenth(world, |camera| camera.despawn());
         });
         Ok(())
     }),

@@ -3,6 +3,7 @@
 use std::cell::Cell;
 use std::path::PathBuf;
 use std::rc::Rc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use serde_json::json;
@@ -35,13 +36,20 @@ pub(crate) fn fly(
     let guides = scene.guides.clone();
     let timings = Arc::new(Mutex::new(Timings::default()));
     let flown = Rc::new(Cell::new(false));
-    let first = opening(args, global, scene, &timings, Rc::clone(&flown))?;
+    let begun = Arc::new(AtomicBool::new(false));
+    let first = opening(args, global, scene, &timings, (Rc::clone(&flown), Arc::clone(&begun)))?;
+    let (own_timings, own_flown) = (Arc::clone(&timings), Rc::clone(&flown));
     let (own_program, own_args, own_global) = (program.clone(), args.clone(), global.clone());
     let open = move |input: PathBuf, series: Option<usize>| {
-        let args = for_another(own_args.clone(), input);
+        // The files that were asked for are those of the first scan that is flown.
+        let is_first = !begun.load(Ordering::Relaxed);
+        let args = for_another(own_args.clone(), input, is_first);
         let global = Global { series, ..own_global.clone() };
         let scene = super::scene(&own_program, &args, &global, Screen::Window)?;
-        opening(&args, &global, scene, &Arc::default(), Rc::default())
+        match is_first {
+            true => opening(&args, &global, scene, &own_timings, (Rc::clone(&own_flown), Arc::clone(&begun))),
+            false => opening(&args, &global, scene, &Arc::default(), Default::default()),
+        }
     };
     let launch = window::Launch {
         first,
@@ -53,15 +61,37 @@ pub(crate) fn fly(
         panels: program.all_panels(),
         layout: args.layout.clone(),
     };
-    window::run(display, launch, progress).inspect_err(|e| {
+    let ended = window::run(display, launch, progress).and_then(|()| all_written(args, flown.get()));
+    ended.inspect_err(|e| {
         if !flown.get() {
             leave_unflown(args, &timings.lock().unwrap_or_else(PoisonError::into_inner), e);
         }
     })
 }
 
-/// The arguments for another scan: what belongs to one flight alone stays with the first, its place, its files and its length.
-fn for_another(args: FlyArgs, input: PathBuf) -> FlyArgs {
+/// Checks that a flight has written the files that were asked for.
+///
+/// # Errors
+/// Returns status 4 if there was none.
+fn all_written(args: &FlyArgs, is_flown: bool) -> Result<()> {
+    let asked = [&args.log, &args.stats, &args.coverage_mesh, &args.record_input].into_iter().flatten().next();
+    match asked.filter(|_| !is_flown) {
+        Some(file) => {
+            let why = "is not the file of a flight: no scan was flown";
+            Err(Error::incomplete(file.display().to_string(), why, "open a scan that can be flown"))
+        }
+        None => Ok(()),
+    }
+}
+
+/// The arguments for another scan: what belongs to one flight alone stays with the first that is flown, its files and its length, and
+/// what belongs to one scan with that, its place and its answers.
+fn for_another(args: FlyArgs, input: PathBuf, is_first: bool) -> FlyArgs {
+    if is_first {
+        let input = Some(input);
+        return FlyArgs { input, from: None, to: None, answers: None, replay: None, play: None, rate: None, ..args };
+    }
+
     // Every option is named, so that a new one must be thought of.
     let FlyArgs {
         input: _,
@@ -115,13 +145,13 @@ fn covering(args: &FlyArgs, global: &Global) -> Result<Option<Covering>> {
     Ok(Covering::asked(args, global)?.filter(|_| is_told))
 }
 
-/// How to open a scan; sets `flown` once it was flown.
+/// How to open a scan; sets `begun` once its flight is prepared, and `flown` once it was flown.
 fn opening(
     args: &FlyArgs,
     global: &Global,
     scene: Scene,
     timings: &Arc<Mutex<Timings>>,
-    flown: Rc<Cell<bool>>,
+    (flown, begun): (Rc<Cell<bool>>, Arc<AtomicBool>),
 ) -> Result<window::Opening> {
     let commands = args.replay.as_deref().map(read_commands).transpose()?;
     let (kept, prepare_args, prepare_global) = (Arc::clone(timings), args.clone(), global.clone());
@@ -150,6 +180,7 @@ fn opening(
         if args.record_input.is_some() {
             flight.commands.start();
         }
+        begun.store(true, Ordering::Relaxed);
         Ok(session.ready(flight))
     });
     let (finish_args, finish_timings) = (args.clone(), Arc::clone(timings));
@@ -198,7 +229,7 @@ mod tests {
                     --coverage --review --answers a.json --coverage-mesh m.ply --record-input i --replay r --scene s.toml \
                     --layout slices --detector shape --overlay mines";
         let before = Program::default().parse(line.split_whitespace()).unwrap().fly;
-        let args = for_another(before.clone(), PathBuf::from("b.nii"));
+        let args = for_another(before.clone(), PathBuf::from("b.nii"), false);
         assert!(args.input == Some(PathBuf::from("b.nii")) && args.scene == before.scene);
         // Of all files, only the scene is read, and none is written.
         let none = FlyArgs { input: args.input.clone(), scene: args.scene.clone(), ..FlyArgs::default() };
@@ -206,7 +237,7 @@ mod tests {
         assert!(!args.review && !args.coverage && args.from.is_none() && args.to.is_none() && args.seconds.is_none());
         assert_eq!((args.guide, args.size, args.layout), (before.guide.clone(), before.size, before.layout.clone()));
         assert_eq!((args.detector, args.overlay), (before.detector.clone(), before.overlay.clone()));
-        assert!(covering(&for_another(before.clone(), PathBuf::new()), &Global::default()).unwrap().is_none());
+        assert!(covering(&for_another(before, PathBuf::new(), false), &Global::default()).unwrap().is_none());
     }
 
     #[test]
@@ -215,7 +246,7 @@ mod tests {
         let coverage = FlyArgs { coverage: true, ..FlyArgs::default() };
         assert!(!is_looked_at(&FlyArgs::default()) && !is_looked_at(&coverage));
         for told in [
-            FlyArgs { stats: Some(PathBuf::from("s.json")), ..coverage.clone() },
+            FlyArgs { stats: Some(PathBuf::from("s.json")), ..coverage },
             FlyArgs { coverage_mesh: Some(PathBuf::from("m.ply")), ..FlyArgs::default() },
             FlyArgs { review: true, ..FlyArgs::default() },
         ] {
@@ -236,5 +267,21 @@ mod tests {
             assert_eq!(resume(&FlyArgs { replay: file.clone(), ..args.clone() }), Resume::Never);
             assert_eq!(resume(&FlyArgs { record_input: file.clone(), ..args }), Resume::Never);
         }
+    }
+
+    #[test]
+    fn the_files_that_were_asked_for_are_those_of_the_first_scan_that_is_flown() {
+        let before = FlyArgs {
+            log: Some(PathBuf::from("l.jsonl")),
+            stats: Some(PathBuf::from("s.json")),
+            answers: Some(PathBuf::from("a.json")),
+            ..FlyArgs::default()
+        };
+        let args = for_another(before.clone(), PathBuf::from("b.nii"), true);
+        assert!(args.log == before.log && args.stats == before.stats && args.answers.is_none());
+        assert_eq!(args.input, Some(PathBuf::from("b.nii")));
+        assert!(all_written(&before, true).is_ok() && all_written(&FlyArgs::default(), false).is_ok());
+        let e = all_written(&before, false).unwrap_err();
+        assert!(e.kind == Kind::Incomplete && e.what == "l.jsonl", "{e}");
     }
 }

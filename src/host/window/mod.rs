@@ -50,7 +50,7 @@ use winit::event_loop::EventLoop;
 use crate::app::{FlightApp, Overlay};
 use crate::error::{Error, Result};
 use crate::host::frames::FrameStats;
-use crate::panics::catch_panic;
+use crate::panics::{self, catch_panic};
 use crate::polyps::Detector;
 use crate::progress::Progress;
 use crate::render::ImageSize;
@@ -210,8 +210,11 @@ pub(crate) fn run(display: Display, launch: Launch, progress: &Arc<Progress>) ->
     });
     watcher.map_err(|e| Error::fault("window", e.to_string(), "close other programs"))?;
     let mut shell = Shell::new(launch, proxy)?;
-    let looped = display.0.run_app(&mut shell);
-    // Logs and other outputs first: they must be complete even if the display disconnected.
-    shell.end()?;
+    let looped = panics::catch(|| display.0.run_app(&mut shell));
+    // Logs and other outputs first: they must be complete even if the display disconnected, or something panicked.
+    let ended = panics::catch(|| shell.end());
+    let fault = |why: String| Error::fault("window", format!("panicked: {why}"), "report it, or use --headless");
+    let looped = looped.map_err(fault)?;
+    ended.map_err(fault)??;
     looped.map_err(|e| Error::fault("window", e.to_string(), "use --headless"))
 }

@@ -445,9 +445,9 @@ fn hide_absurd(egui: &egui::Context, layer: egui::LayerId, first: egui::layers::
             list.mutate_shape(egui::layers::ShapeIdx(n), |clipped| {
                 let is_absurd = |shape: &egui::Shape| {
                     let at = shape.visual_bounding_rect();
-                    let is_nothing = at == egui::Rect::NOTHING || matches!(shape, egui::Shape::Noop);
-                    !is_nothing
-                        && !(at.is_finite() && at.min.to_vec2().length().max(at.max.to_vec2().length()) < ABSURD)
+                    let far = at.min.to_vec2().length().max(at.max.to_vec2().length());
+                    let is_seen = at != egui::Rect::NOTHING && !matches!(shape, egui::Shape::Noop);
+                    is_seen && !(at.is_finite() && far < ABSURD)
                 };
                 let is_one = match &clipped.shape {
                     egui::Shape::Vec(all) => all.iter().any(is_absurd),

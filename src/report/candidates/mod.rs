@@ -226,6 +226,9 @@ fn trials_of(
     Ok(runs.map(run).collect())
 }
 
+/// What a detector finds, with the time, s, and memory, MB, if that is known.
+pub(crate) type FoundBy = (Vec<Candidate>, f64, Option<f64>);
+
 /// Returns what each detector finds in a scan, as `colvis candidates` does, with the time, s, and memory, MB, beyond the colon.
 ///
 /// # Errors
@@ -235,7 +238,7 @@ pub(crate) fn found_by(
     mut volume: Volume,
     transfer: TransferFunction,
     progress: &Progress,
-) -> Result<Vec<(Vec<Candidate>, f64, Option<f64>)>> {
+) -> Result<Vec<FoundBy>> {
     let found = lumen::find(&volume, progress)?;
     let again = |volume: &Volume| lumen::find(volume, progress).map(Some);
     let mut untimed = Timings::default();

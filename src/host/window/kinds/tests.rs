@@ -7,7 +7,7 @@ use crate::components::slices::{Orientation, SliceView};
 use crate::host::window::actions::ActionContext;
 use crate::host::window::assistant::Said;
 use crate::host::window::controller::FlightController;
-use crate::host::window::controller::tests::{cockpit_of, perform};
+use crate::host::window::controller::tests::{cockpit_of, perform, trace};
 use crate::host::window::panels::{AssistInput, FlightInput, SliceInput};
 use crate::math::hash;
 use crate::phantom::{Phantom, PhantomSettings};
@@ -179,6 +179,8 @@ fn state(c: &FlightController) -> State {
 fn changes_are_undone_in_the_order_in_which_they_were_made() {
     let (mut scan, now) = (scan(), Instant::now());
     let mut c = flown(&mut scan);
+    // The tag is looked for once something was shown.
+    trace(&mut c, now);
     c.show_kinds(true, now);
     c.assist(AssistInput::Begin, now);
     let begun = Instant::now();
@@ -204,7 +206,7 @@ fn changes_are_undone_in_the_order_in_which_they_were_made() {
             n += 1;
             (hash::uniform(seed, n) * below as f64) as usize
         };
-        while !c.measures().list().is_empty() || state(&c).2 != [] {
+        while !c.measures().list().is_empty() || !state(&c).2.is_empty() {
             perform(&mut c, "undo", now);
         }
         for step in 0..80 {

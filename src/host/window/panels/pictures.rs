@@ -75,11 +75,12 @@ impl Stage {
     ) -> (Frame, Requests) {
         let context = Context::new(&self.controller, &self.actions, &self.recent, &self.hud);
         let mut requests = Requests::default();
-        let laid_out = self.interface.lay_out(RawInput { events, ..RawInput::default() }, self.size, Instant::now(), |ui| {
-            requests = Requests::default();
-            draw(&context, ui, &mut requests);
-            Vec::new()
-        });
+        let laid_out =
+            self.interface.lay_out(RawInput { events, ..RawInput::default() }, self.size, Instant::now(), |ui| {
+                requests = Requests::default();
+                draw(&context, ui, &mut requests);
+                Vec::new()
+            });
         laid_out.unwrap();
         // Rasterise each time, as a change of a texture is reported only once.
         let layout = self.interface.layout().unwrap();
