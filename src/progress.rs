@@ -62,7 +62,7 @@ impl Progress {
         if self.is_cancelled() { Err(Error::cancelled(self.snapshot().0)) } else { Ok(()) }
     }
 
-    /// Asks the worker to stop.
+    /// Asks the worker to stop: it ends the call under way, or else the next (see [`Progress::call`]).
     pub fn cancel(&self) {
         self.0.cancelled.store(true, Relaxed);
     }

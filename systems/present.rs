@@ -46,6 +46,8 @@ struct Presented {
     presenter: Box<dyn Presenter>,
     /// True for one of a plug-in.
     is_plugged: bool,
+    /// True for one of a guide or a look, which goes with them.
+    is_of_scene: bool,
 }
 
 impl Presented {
@@ -118,7 +120,7 @@ pub fn present_again(app: &mut App, view: Entity) {
 pub fn hand_to<P: Presenter>(app: &mut App, view: Entity, presenter: P) {
     let mut presenters = presenters(app);
     presenters.0.retain(|p| p.is_plugged || !p.is::<P>(view));
-    presenters.add(Presented { view, presenter: Box::new(presenter), is_plugged: false });
+    presenters.add(Presented { view, presenter: Box::new(presenter), is_plugged: false, is_of_scene: false });
 }
 
 fn presenters(app: &mut App) -> Mut<'_, Presenters> {
@@ -134,25 +136,48 @@ pub fn hand_on(app: &mut App, former: Entity) {
     if let Some(mut presenters) = app.world.get_non_send_mut::<Presenters>() {
         presenters.0.iter_mut().filter(|p| p.view == former).for_each(|p| p.view = camera);
     }
+    if let Some(mut waiting) = app.world.get_resource_mut::<Waiting>() {
+        let waiting = waiting.0.get_mut().unwrap_or_else(PoisonError::into_inner);
+        waiting.iter_mut().filter(|w| w.view == former).for_each(|w| w.view = camera);
+    }
+}
+
+/// Removes the presenters of the guide and the look, before they are plugged in again or others take their place.
+pub(crate) fn forget_scene(app: &mut App) {
+    if let Some(mut presenters) = app.world.get_non_send_mut::<Presenters>() {
+        presenters.0.retain(|p| !p.is_of_scene);
+    }
+    if let Some(mut waiting) = app.world.get_resource_mut::<Waiting>() {
+        waiting.0.get_mut().unwrap_or_else(PoisonError::into_inner).retain(|w| !w.is_of_scene);
+    }
 }
 
 /// Presenters of plug-ins that wait for the thread that runs frames to take them over.
 #[derive(Resource)]
-pub struct Waiting(Mutex<Vec<(Entity, Box<dyn Presenter + Send>)>>);
+pub struct Waiting(Mutex<Vec<WaitingPresenter>>);
+
+struct WaitingPresenter {
+    view: Entity,
+    presenter: Box<dyn Presenter + Send>,
+    is_of_scene: bool,
+}
 
 /// Adds a presenter to a view from within a plug-in, beside all others: it takes the pictures from none of them.
 ///
 /// The presenter may be created on another thread than the one that runs frames, and moves there with the first frame.
 pub fn plug(app: &mut App, view: Entity, presenter: impl Presenter + Send) {
+    let is_of_scene = app.is_plugging_scene();
     let mut waiting = app.world.get_resource_or_insert_with(|| Waiting(Mutex::default()));
-    waiting.0.get_mut().unwrap_or_else(PoisonError::into_inner).push((view, Box::new(presenter)));
+    let waiting = waiting.0.get_mut().unwrap_or_else(PoisonError::into_inner);
+    waiting.push(WaitingPresenter { view, presenter: Box::new(presenter), is_of_scene });
 }
 
 /// Takes over the presenters that plug-ins have set. Call it on the thread that runs frames.
 pub fn take_over(app: &mut App) {
     let Some(waiting) = app.world.remove_resource::<Waiting>() else { return };
-    for (view, presenter) in waiting.0.into_inner().unwrap_or_else(PoisonError::into_inner) {
-        presenters(app).add(Presented { view, presenter, is_plugged: true });
+    for waiting in waiting.0.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        let WaitingPresenter { view, presenter, is_of_scene } = waiting;
+        presenters(app).add(Presented { view, presenter, is_plugged: true, is_of_scene });
     }
 }
 

@@ -45,7 +45,7 @@ pub struct AlongColon {
 pub struct Along {
     lines: Vec<Line>,
     /// Which of their points each place of the lumen belongs to.
-    nearest: Option<NearestOnLines>,
+    nearest: Option<Arc<NearestOnLines>>,
     /// The parts along the line, if the order is known.
     parts: Vec<Part>,
 }
@@ -144,7 +144,7 @@ impl Along {
             _ => Vec::new(),
         };
         let points: Vec<&[DVec3]> = lines.iter().map(|l| &l.line.points[..]).collect();
-        let nearest = Some(NearestOnLines::new(&walls, &points, progress)?);
+        let nearest = Some(Arc::new(NearestOnLines::new(&walls, &points, progress)?));
         Ok(Self { lines, nearest, parts })
     }
 
@@ -208,7 +208,7 @@ impl Along {
     /// Returns the size in memory, bytes.
     pub fn bytes(&self) -> usize {
         let line = |l: &Line| l.line.points.len() * (size_of::<DVec3>() + 2 * size_of::<f64>() + size_of::<u32>());
-        self.nearest.as_ref().map_or(0, NearestOnLines::bytes) + self.lines.iter().map(line).sum::<usize>()
+        self.nearest.as_ref().map_or(0, |n| n.bytes()) + self.lines.iter().map(line).sum::<usize>()
     }
 }
 

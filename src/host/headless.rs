@@ -14,7 +14,7 @@ use crate::host::frames::FrameStats;
 use crate::host::log::Log;
 use crate::host::record::{Recorder, Recording};
 use crate::progress::Progress;
-use crate::schedule::Slot;
+use crate::schedule::{Slot, at_home};
 use crate::systems::present;
 
 /// Outputs of a headless flight.
@@ -176,6 +176,7 @@ fn due(n: u64, fps: f64, hz: f64) -> u64 {
 
 /// Renders and records the image of the current pose.
 fn record(flight: &mut FlightApp, overlays: &[Overlay]) -> Result<()> {
+    let _home = at_home();
     let camera = flight.app().camera_id();
     // An overlay that panics loses its marks, but the image is recorded.
     let (marks, drawn) = match marks(flight, overlays) {

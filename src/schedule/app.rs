@@ -242,6 +242,11 @@ impl App {
         self.ledger.get_or_insert_default();
     }
 
+    /// True while a scene is plugged in: its guide and its look.
+    pub(crate) fn is_plugging_scene(&self) -> bool {
+        self.owner == Owner::Scene
+    }
+
     /// True if the owner of each system is recorded.
     pub(crate) fn keeps_account(&self) -> bool {
         self.ledger.is_some()
@@ -558,8 +563,11 @@ impl App {
         self.spawn_lost();
         let off = |&owner: &usize| self.ledger.as_ref()?.switch_off(owner).map(|(name, _)| name);
         let owners: Vec<String> = self.changers.union(&self.observing).filter_map(off).collect();
-        let who =
-            if owners.is_empty() { "a system".to_owned() } else { format!("plug-in {}", owners.join(" or plug-in ")) };
+        let who = match &owners[..] {
+            [] => "a system".to_owned(),
+            [one] => format!("plug-in {one}"),
+            some => format!("one of the plug-ins {}", some.join(", ")),
+        };
         taken(who, what)
     }
 

@@ -44,12 +44,13 @@ fn elsewhere() -> MutexGuard<'static, Elsewhere> {
 }
 
 /// Makes this thread one that runs a world, while the guard lives; for good unless it belongs to a pool.
-pub(super) fn at_home() -> AtHome {
+#[must_use]
+pub(crate) fn at_home() -> AtHome {
     AtHome(IS_HOME.replace(true) || rayon::current_thread_index().is_none())
 }
 
 /// A guard of [`at_home`].
-pub(super) struct AtHome(bool);
+pub(crate) struct AtHome(bool);
 
 impl Drop for AtHome {
     fn drop(&mut self) {
@@ -69,6 +70,8 @@ pub(super) struct Fault {
 }
 
 /// Reports a panic in a part of a plug-in that was caught, from any thread.
+///
+/// What a thread reports that runs no flight goes to the flight of the process that runs next.
 ///
 /// It ends the current step or frame with an error, and a headless flight in an orderly way. `what` names the part, for
 /// example `preset distance`.
@@ -97,13 +100,16 @@ pub fn note(who: impl Into<String>, what: impl Into<String>) {
 /// Handles systems that fail in the world.
 pub(super) fn system_failed(error: BevyError, context: ErrorContext) {
     let mut error = error;
-    let why = match error.take_payload() {
+    let payload = error.take_payload();
+    // A command that fails without a panic fails by itself, not in an observer that it has triggered.
+    let observer = match context {
+        ErrorContext::Observer { .. } => OBSERVER.get(),
+        ErrorContext::Command { .. } if payload.is_some() => OBSERVER.take(),
+        _ => None,
+    };
+    let why = match payload {
         Some(payload) => format!("panicked: {}", panic_text(&*payload)),
         None => format!("failed: {error}"),
-    };
-    let observer = match context {
-        ErrorContext::Command { .. } | ErrorContext::Observer { .. } => OBSERVER.get(),
-        ErrorContext::System { .. } | ErrorContext::RunCondition { .. } => None,
     };
     let what = match context {
         ErrorContext::RunCondition { system, .. } => system.to_string(),
@@ -125,6 +131,7 @@ pub fn book_time(name: impl Into<String>, ms: f64) {
 /// Discards what an earlier world on this thread has left behind.
 pub(super) fn discard() {
     drop((TIMES.take(), FAULTS.take(), NOTES.take()));
+    OBSERVER.set(None);
 }
 
 pub(super) fn take_times() -> BTreeMap<String, f64> {

@@ -38,6 +38,7 @@ impl FlightApp {
         let goal = Goal { at: goal.at, within_mm: goal.within_mm, other_end: other.at };
         let tour = self.tour_component();
         let Self { app, setup: Setup { scene, plan, .. }, .. } = self;
+        present::forget_scene(app);
         app.set_scene(|app| {
             equip_camera(app, scene, plan);
             if let Some(tour) = tour {

@@ -33,7 +33,7 @@ use crate::fields::{Lumen, WallDistance};
 use crate::panics;
 use crate::progress::Progress;
 use crate::render::{Frame, Reuse, Settings, View, renderer};
-use crate::schedule::{App, note};
+use crate::schedule::{App, at_home, note};
 use crate::space::PreparedVolume;
 use crate::systems;
 
@@ -166,6 +166,7 @@ impl FlightApp {
     /// # Errors
     /// Returns an error if a command requests something that does not exist.
     pub fn step(&mut self) -> Result<()> {
+        let _home = at_home();
         let tick = self.clock().tick;
         while let Some(command) = self.commands.next_due(tick) {
             self.act(command)?;

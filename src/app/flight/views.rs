@@ -11,7 +11,7 @@ use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
 use crate::panics;
 use crate::render::View;
-use crate::schedule::{App, note};
+use crate::schedule::{App, at_home, note};
 use crate::systems::present::{self, Presenter};
 
 /// The views of a flight, from [`FlightApp::views`].
@@ -117,7 +117,7 @@ impl Views<'_> {
         any
     }
 
-    /// Sends a view's pictures to a presenter from now on: see [`Presenter`].
+    /// Sends a view's pictures to a presenter from now on, beside all others: see [`Presenter`]. It takes the place of one of its type.
     ///
     /// # Errors
     /// Returns the errors of any change of the schedule.
@@ -126,7 +126,7 @@ impl Views<'_> {
         self.plug_late()
     }
 
-    /// Removes and returns the presenter of the camera's pictures, if it is a `P`.
+    /// Removes and returns the presenter of the camera's pictures that is a `P`, if there is one.
     pub fn take_presenter<P: Presenter>(&mut self) -> Option<P> {
         let camera = self.flight.app.camera_id();
         present::take(&mut self.flight.app, camera)
@@ -151,6 +151,7 @@ impl Views<'_> {
     /// # Errors
     /// Returns the errors of [`FlightApp::frame`].
     pub fn render_due(&mut self) -> Result<()> {
+        let _home = at_home();
         self.plug_late()?;
         let FlightApp { app, .. } = &mut *self.flight;
         present::take_over(app);
@@ -171,6 +172,7 @@ impl Views<'_> {
 
     /// Presents the camera's last picture again without rendering it. Use it after an overlay has changed.
     pub fn present_again(&mut self) {
+        let _home = at_home();
         let camera = self.flight.app.camera_id();
         present::present_again(&mut self.flight.app, camera);
     }

@@ -3,7 +3,6 @@
 use std::cell::Cell;
 use std::path::PathBuf;
 use std::rc::Rc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use serde_json::json;
@@ -36,19 +35,18 @@ pub(crate) fn fly(
     let guides = scene.guides.clone();
     let timings = Arc::new(Mutex::new(Timings::default()));
     let flown = Rc::new(Cell::new(false));
-    let begun = Arc::new(AtomicBool::new(false));
-    let first = opening(args, global, scene, &timings, (Rc::clone(&flown), Arc::clone(&begun)))?;
+    let first = opening(args, global, scene, &timings, Rc::clone(&flown))?;
     let (own_timings, own_flown) = (Arc::clone(&timings), Rc::clone(&flown));
     let (own_program, own_args, own_global) = (program.clone(), args.clone(), global.clone());
-    let open = move |input: PathBuf, series: Option<usize>| {
+    let open = move |input: PathBuf, series: Option<usize>, is_flying: bool| {
         // The files that were asked for are those of the first scan that is flown.
-        let is_first = !begun.load(Ordering::Relaxed);
+        let is_first = !is_flying && !own_flown.get();
         let args = for_another(own_args.clone(), input, is_first);
         let global = Global { series, ..own_global.clone() };
         let scene = super::scene(&own_program, &args, &global, Screen::Window)?;
         match is_first {
-            true => opening(&args, &global, scene, &own_timings, (Rc::clone(&own_flown), Arc::clone(&begun))),
-            false => opening(&args, &global, scene, &Arc::default(), Default::default()),
+            true => opening(&args, &global, scene, &own_timings, Rc::clone(&own_flown)),
+            false => opening(&args, &global, scene, &Arc::default(), Rc::default()),
         }
     };
     let launch = window::Launch {
@@ -145,13 +143,13 @@ fn covering(args: &FlyArgs, global: &Global) -> Result<Option<Covering>> {
     Ok(Covering::asked(args, global)?.filter(|_| is_told))
 }
 
-/// How to open a scan; sets `begun` once its flight is prepared, and `flown` once it was flown.
+/// How to open a scan; sets `flown` once it was flown.
 fn opening(
     args: &FlyArgs,
     global: &Global,
     scene: Scene,
     timings: &Arc<Mutex<Timings>>,
-    (flown, begun): (Rc<Cell<bool>>, Arc<AtomicBool>),
+    flown: Rc<Cell<bool>>,
 ) -> Result<window::Opening> {
     let commands = args.replay.as_deref().map(read_commands).transpose()?;
     let (kept, prepare_args, prepare_global) = (Arc::clone(timings), args.clone(), global.clone());
@@ -180,7 +178,6 @@ fn opening(
         if args.record_input.is_some() {
             flight.commands.start();
         }
-        begun.store(true, Ordering::Relaxed);
         Ok(session.ready(flight))
     });
     let (finish_args, finish_timings) = (args.clone(), Arc::clone(timings));

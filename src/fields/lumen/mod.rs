@@ -542,7 +542,8 @@ impl Lumen {
         (low[0] != usize::MAX).then_some((first, size))
     }
 
-    /// Returns the lumen in a box of its scan: `dims` voxels from `first` on. Its segments keep their measures.
+    /// Returns the lumen in a box of its scan: `dims` voxels from `first` on. Its segments keep their measures. Ask for [`Lumen::along`]
+    /// first: the part cannot measure along the whole.
     ///
     /// # Panics
     /// Panics if the box is empty or reaches beyond the grid.

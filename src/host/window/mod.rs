@@ -145,7 +145,7 @@ pub(crate) struct Launch {
     /// The scan to open first.
     pub first: Opening,
     /// Opens another scan. The number selects a series in a folder that holds several.
-    pub open: Box<dyn Fn(PathBuf, Option<usize>) -> Result<Opening>>,
+    pub open: Box<dyn Fn(PathBuf, Option<usize>, bool) -> Result<Opening>>,
     /// Size of the window in pixels; a default size if `None`.
     pub size: Option<ImageSize>,
     /// Overlays available for the picture.

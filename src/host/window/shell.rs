@@ -113,7 +113,7 @@ pub(crate) struct Shell {
     opening: Option<PathBuf>,
     /// The number of the series that was asked for.
     series: Option<usize>,
-    open: Box<dyn Fn(PathBuf, Option<usize>) -> Result<Opening>>,
+    open: Box<dyn Fn(PathBuf, Option<usize>, bool) -> Result<Opening>>,
     /// True if this is the scan that the window was opened with.
     is_first: bool,
     recent: Recent,
@@ -265,7 +265,7 @@ impl Shell {
             self.touched = true;
             return;
         }
-        let opening = match (self.open)(path, series) {
+        let opening = match (self.open)(path, series, matches!(self.stage, Stage::Flying(_))) {
             Ok(opening) => opening,
             Err(e) => {
                 match &mut self.stage {
@@ -504,7 +504,9 @@ impl Shell {
                     return Err(Error::fault("window", format!("its interface panicked: {why}"), hint));
                 }
                 self.interface.renew();
-                self.workspace.renew();
+                if laid_out.is_err() {
+                    self.workspace.renew();
+                }
                 self.input = Some(input_of(&self.interface, window, events));
                 (self.touched, self.laid_out) = (true, None);
                 return Ok(());

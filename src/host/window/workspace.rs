@@ -365,7 +365,7 @@ impl Workspace {
     }
 
     /// Takes whether a panel has panicked since the last call. egui's state may then be damaged, and all panels are made anew, because
-    /// their pictures belong to it; those that have panicked stay hidden.
+    /// their pictures belong to it: what they held is lost. Those that have panicked stay hidden.
     pub(crate) fn take_broken(&mut self) -> bool {
         let is_broken = std::mem::take(&mut self.is_broken);
         if is_broken {
@@ -434,7 +434,6 @@ impl Workspace {
     }
 }
 
-/// Lays out panels in their tiles.
 /// Removes shapes of a layer, from `first` on, that no one can see and that take forever to draw: places that are not finite or absurdly
 /// far away. Returns true if there were any.
 fn hide_absurd(egui: &egui::Context, layer: egui::LayerId, first: egui::layers::ShapeIdx) -> bool {
@@ -462,6 +461,7 @@ fn hide_absurd(egui: &egui::Context, layer: egui::LayerId, first: egui::layers::
     })
 }
 
+/// Lays out panels in their tiles.
 struct Tiling<'a, 'b> {
     panels: &'a mut [Shown],
     context: &'a Context<'b>,

@@ -23,6 +23,9 @@ fn joins(wall: &Wall, v: u32) -> bool {
     wall.shape_index(v) >= 0.8 && (0.05..=1.0).contains(&wall.curvedness(v))
 }
 
+/// A middle farther than this from its patch is not on the wall, mm.
+const OFF_WALL_MM: f64 = 5.0;
+
 fn find(colon: &Colon<'_>, progress: &Progress) -> Result<Vec<Candidate>> {
     let wall = colon.wall;
     let mut seen = vec![false; wall.len()];
@@ -45,8 +48,13 @@ fn find(colon: &Colon<'_>, progress: &Progress) -> Result<Vec<Candidate>> {
         }
         let area: f32 = patch.iter().map(|&v| wall.area(v)).sum();
         if area >= LEAST_MM2 {
-            let middle = patch.iter().map(|&v| wall.world(v) * f64::from(wall.area(v))).sum::<glam::DVec3>();
-            out.push(Candidate::new(middle / f64::from(area), f64::from(area)));
+            let sum = patch.iter().map(|&v| wall.world(v) * f64::from(wall.area(v))).sum::<glam::DVec3>();
+            let middle = sum / f64::from(area);
+            // The middle of a patch that bends round, such as a rim, is not on the wall: then its nearest place.
+            let near = patch.iter().map(|&v| wall.world(v));
+            let nearest = near.min_by(|a, b| a.distance_squared(middle).total_cmp(&b.distance_squared(middle)));
+            let on_wall = nearest.filter(|n| n.distance(middle) > OFF_WALL_MM).unwrap_or(middle);
+            out.push(Candidate::new(on_wall, f64::from(area)));
         }
     }
     progress.check()?;

@@ -15,12 +15,15 @@ pub fn written_with(path: &Path) -> Option<PathBuf> {
     write::data_file(path)
 }
 
-/// The data file that the header `path` names. `None` if it is not a header, or if it names none.
+/// The data file that is read with `path`, a header or the first file of a pair. `None` if there is none.
 pub fn read_with(path: &Path) -> Option<PathBuf> {
+    // The data is beside the header itself, wherever a link to it is.
+    let path = &path.canonicalize().ok()?;
     let ending = path.extension()?.to_str()?.to_ascii_lowercase();
     let (mark, names) = match ending.as_str() {
-        "mhd" => ('=', &["elementdatafile"][..]),
-        "nhdr" => (':', &["data file", "datafile"][..]),
+        "mhd" | "mha" => ('=', &["elementdatafile"][..]),
+        "nhdr" | "nrrd" => (':', &["data file", "datafile"][..]),
+        "hdr" => return ["img", "img.gz"].map(|e| path.with_extension(e)).into_iter().find(|p| p.is_file()),
         _ => return None,
     };
     let mut head = Vec::new();
@@ -30,7 +33,7 @@ pub fn read_with(path: &Path) -> Option<PathBuf> {
         let (key, value) = line.split_once(mark)?;
         names.contains(&key.trim().to_ascii_lowercase().as_str()).then(|| value.trim().to_owned())
     });
-    named.map(|name| path.with_file_name(name))
+    named.filter(|name| !name.eq_ignore_ascii_case("local")).map(|name| path.with_file_name(name))
 }
 
 /// True if `file` is one of the slices of a folder.

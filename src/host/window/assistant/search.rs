@@ -119,8 +119,9 @@ pub(crate) fn search(input: Input, progress: &Progress) -> Result<Found> {
     let name = || format!("preset {}", preset.name);
     let mut renderer = ask_plugin(name, make)?;
     let mut frame = Frame::new(SIDE, SIDE);
-    let is_default = detector.name == detectors::BUILT_IN[0].name;
-    let listed = all.into_iter().filter(|c| !is_default || c.score >= LEAST_SCORE).take(MOST);
+    // The scores of other crates have scales of their own.
+    let is_scaled = |c: &Candidate| c.lesion.is_some() && detectors::BUILT_IN.iter().any(|d| d.name == detector.name);
+    let listed = all.into_iter().filter(|c| !is_scaled(c) || c.score >= LEAST_SCORE).take(MOST);
     let mut list = Vec::new();
     progress.stage("rendering candidates", listed.size_hint().1.unwrap_or(0) as u64);
     for candidate in listed {

@@ -36,13 +36,16 @@ impl History {
             self.done.extend(std::iter::repeat_n(store, new));
             *noted = made;
         }
-        self.done.drain(..self.done.len().saturating_sub(MOST));
+        let more = self.done.len().saturating_sub(MOST);
+        self.done.drain(..more);
+        self.begun = self.begun.saturating_sub(more);
     }
 
     /// Forgets the last change of a store, which has undone it.
     fn forget_last(&mut self, store: Store) {
         if let Some(n) = self.done.iter().rposition(|s| *s == store) {
             self.done.remove(n);
+            self.begun -= usize::from(n < self.begun);
         }
     }
 }
