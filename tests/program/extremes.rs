@@ -123,7 +123,7 @@ fn a_scan_without_gas_has_no_lumen() {
     for (command, out) in [("segment", "m.nii.gz"), ("surface", "m.stl")] {
         let told = said(&[command, &at("s.mha"), "--out", &at(out)], 4);
         assert!(told.contains("error: volume: no gas of a colon was found in it: no voxel near -1000 HU"), "{told}");
-        assert!(told.contains("give a scan in HU, with gas in the colon"), "{told}");
+        assert!(told.contains("; give a scan in HU"), "{told}");
     }
     assert!(Path::new(&at("m.nii.gz")).exists() && !Path::new(&at("m.stl")).exists(), "an empty mask is a mask");
 }
