@@ -15,9 +15,26 @@
 //! what there is to choose from, one line for each of [`Error::choices`]. Output files are written completely or not at all (see
 //! [`crate::output`]).
 
+use std::ffi::OsStr;
 use std::fmt;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
+
+/// The name under which this program was started.
+static PROGRAM: OnceLock<String> = OnceLock::new();
+
+/// The name of the program that runs, for messages: `colvis`, or that of another crate's program.
+#[must_use]
+pub fn program_name() -> &'static str {
+    PROGRAM.get().map_or("colvis", String::as_str)
+}
+
+/// Tells the name of the program that runs: the file name of its first argument. The first call counts.
+pub(crate) fn set_program_name(first_argument: &OsStr) {
+    if let Some(name) = Path::new(first_argument).file_stem().and_then(OsStr::to_str).filter(|n| !n.is_empty()) {
+        PROGRAM.get_or_init(|| name.to_owned());
+    }
+}
 
 /// The kind of a failure. Its number is the exit status of the program, see the [module](self).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -15,7 +15,7 @@ pub use crate::render::ImageSize;
 
 use crate::cli::values::{count, number, plane, seed, slab, steps, threads};
 use crate::cli::{Program, unbuilt};
-use crate::error::Error;
+use crate::error::{Error, program_name, set_program_name};
 use crate::fields::CenterlineMethod;
 use crate::output;
 use crate::render::slice::{Slab, SlicePlane};
@@ -450,7 +450,10 @@ impl Args {
     /// What is wrong with the arguments; also when help or the version is requested.
     pub(super) fn read(args: impl Iterator<Item = OsString>, program: &Program) -> Result<Self, ParseError> {
         let args: Vec<OsString> = args.collect();
-        let command = command(program);
+        if let Some(name) = args.first() {
+            set_program_name(name);
+        }
+        let command = command(program).bin_name(program_name());
         unbuilt::check_command(&args, command_place(&args, &command)).map_err(ParseError::NotBuilt)?;
         let args = command_first(args, &command);
         let mut matches = command.try_get_matches_from(args).map_err(ParseError::Line)?;
@@ -645,7 +648,7 @@ pub fn refuse(refused: &ParseError) -> ExitCode {
         .filter(|l| !l.is_empty() && !l.starts_with("tip:"))
         .collect();
     let why = why.join(" ");
-    failed(&Error::usage("command line", why.strip_prefix("error: ").unwrap_or(&why), "see colvis --help"))
+    failed(&Error::usage("command line", why.strip_prefix("error: ").unwrap_or(&why), format!("see {} --help", program_name())))
 }
 
 /// Prints a failure and returns its exit status.

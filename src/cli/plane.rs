@@ -69,21 +69,20 @@ pub(crate) fn run(args: &PlaneArgs, progress: &Arc<Progress>) -> Result<()> {
 fn settings(path: &Path) -> Result<PlaneSettings> {
     let text = output::read_text(path, "give a scene file")?;
     let what = || path.display().to_string();
-    let scene = Scene::parse(&text, &crate::app::Catalog::default())
-        .map_err(|e| Error::usage(what(), e.to_string(), "see assets/scenes"))?;
+    let scene = Scene::read(path, &crate::app::Catalog::default())?;
     let refuse = |why: String, hint: &str| Err(Error::usage(what(), why, hint));
     if scene.guide_name() != TentacleSettings::NAME {
         let why = match scene.guide() {
             Some(guide) => format!("uses the guide {}, but only tentacles can fly through a drawing", guide.name),
             None => "names no guide: nothing would move".to_owned(),
         };
-        return refuse(why, "give a scene with the plugin tentacles, such as assets/scenes/tentacles.toml");
+        return refuse(why, "name the plugin tentacles instead");
     }
     if scene.picture {
         return refuse("has the plugin render, but a drawing is not rendered".to_owned(), "leave that plugin out");
     }
     let table: toml::Table =
-        text.parse().map_err(|e: toml::de::Error| Error::usage(what(), e.message().to_owned(), "see assets/scenes"))?;
+        text.parse().map_err(|e: toml::de::Error| Error::usage(what(), e.message().to_owned(), "name known plugins and settings"))?;
     for name in table.keys().filter(|name| !USED.contains(&name.as_str())) {
         say(&format!("{}: [{name}] does not apply to a drawing", path.display()));
     }

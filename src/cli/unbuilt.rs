@@ -4,7 +4,7 @@ use std::ffi::OsString;
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
-use crate::error::Error;
+use crate::error::{Error, program_name};
 
 /// Planned commands.
 const COMMANDS: [&str; 4] = ["unfold", "match", "dataset", "batch"];
@@ -23,9 +23,9 @@ pub(super) fn check_command(line: &[OsString], place: usize) -> Result<(), Error
     named.map_or(Ok(()), |command| {
         let why = "this command is not built yet";
         Err(Error::usage(
-            format!("colvis {command}"),
+            format!("{} {command}", program_name()),
             why,
-            format!("see colvis --help; a scan so named opens as ./{command}"),
+            format!("see {} --help; a scan so named opens as ./{command}", program_name()),
         ))
     })
 }
@@ -53,7 +53,7 @@ pub(super) fn refusal(e: &clap::Error) -> Option<Error> {
         }
         _ => return None,
     };
-    Some(Error::usage(what, "is not built yet", "see colvis --help, or that of the command"))
+    Some(Error::usage(what, "is not built yet", format!("see {} --help, or that of the command", program_name())))
 }
 
 #[cfg(test)]

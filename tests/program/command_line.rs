@@ -449,3 +449,21 @@ fn explain_tells_of_the_slices_that_a_layout_shows() {
         assert!(told.contains("no panel shows one") && !told.contains("make_slices"), "{told}");
     }
 }
+
+/// A program of another crate runs the same code under its own name.
+#[test]
+fn hints_name_the_program_that_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    let program = folder.path().join("viewer");
+    std::fs::copy(colvis().get_program(), &program).unwrap();
+    let told = |args: &[&str]| {
+        let out = Command::new(&program).args(args).current_dir(folder.path()).output().unwrap();
+        String::from_utf8_lossy(&[out.stdout, out.stderr].concat()).into_owned()
+    };
+    for args in [&["--warp"][..], &["none.nii"], &["unfold"], &["--second", "a.nii"], &["info"], &["--keys", "fly"]] {
+        let told = told(args);
+        assert!(told.contains("see viewer --help") && !told.contains("colvis --"), "{args:?}: {told}");
+    }
+    let help = told(&["--help"]);
+    assert!(help.contains("Usage: viewer "), "{help}");
+}

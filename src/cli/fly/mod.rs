@@ -20,7 +20,7 @@ use crate::cli::prepare::{self, say};
 use crate::components::flight::State;
 use crate::components::play::Direction;
 use crate::dynamics::STEP_HZ;
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, Kind, Result, program_name};
 use crate::host::frames::FrameStats;
 use crate::host::headless::{self, Outputs};
 use crate::host::terminal::Bar;
@@ -111,7 +111,7 @@ pub(crate) fn check(args: &FlyArgs) -> Result<()> {
 /// Refuses a missing input and impossible outputs before any work is done.
 fn check_files(args: &FlyArgs) -> Result<()> {
     if let Some(input) = args.input.as_deref().filter(|i| !i.exists()) {
-        return Err(Error::file(input, "does not exist", "check the name, or see colvis --help for the commands"));
+        return Err(Error::file(input, "does not exist", format!("check the name, or see {} --help for the commands", program_name())));
     }
     if let Some(mesh) = &args.coverage_mesh
         && MeshFormat::of(mesh).ok() != Some(MeshFormat::Ply)

@@ -10,7 +10,7 @@ use super::keys::{Chord, Hold};
 use super::panels::{AssistInput, PanelEntry};
 use super::workspace::LAYOUTS;
 use crate::app::Overlay;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, program_name};
 use crate::fields::lumen::GasKind;
 use crate::polyps::answers::Answer;
 use crate::render::ImageSize;
@@ -490,7 +490,7 @@ impl Actions {
                 return Err(Error::usage(
                     "keys: action",
                     why,
-                    "see \"Keys in the window\" of colvis --help for what there is",
+                    format!("see \"Keys in the window\" of {} --help for what there is", program_name()),
                 ));
             };
             action.keys = keys.iter().map(|k| k.parse()).collect::<Result<_>>()?;
