@@ -648,7 +648,11 @@ pub fn refuse(refused: &ParseError) -> ExitCode {
         .filter(|l| !l.is_empty() && !l.starts_with("tip:"))
         .collect();
     let why = why.join(" ");
-    failed(&Error::usage("command line", why.strip_prefix("error: ").unwrap_or(&why), format!("see {} --help", program_name())))
+    failed(&Error::usage(
+        "command line",
+        why.strip_prefix("error: ").unwrap_or(&why),
+        format!("see {} --help", program_name()),
+    ))
 }
 
 /// Prints a failure and returns its exit status.

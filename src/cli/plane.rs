@@ -81,8 +81,9 @@ fn settings(path: &Path) -> Result<PlaneSettings> {
     if scene.picture {
         return refuse("has the plugin render, but a drawing is not rendered".to_owned(), "leave that plugin out");
     }
-    let table: toml::Table =
-        text.parse().map_err(|e: toml::de::Error| Error::usage(what(), e.message().to_owned(), "name known plugins and settings"))?;
+    let table: toml::Table = text.parse().map_err(|e: toml::de::Error| {
+        Error::usage(what(), e.message().to_owned(), "name known plugins and settings")
+    })?;
     for name in table.keys().filter(|name| !USED.contains(&name.as_str())) {
         say(&format!("{}: [{name}] does not apply to a drawing", path.display()));
     }

@@ -85,18 +85,21 @@ pub fn fly_on(
 /// Creates the requested recorder, if the flight has pictures.
 fn recorder(flight: &FlightApp, outputs: &Outputs) -> Result<Option<Recorder>> {
     let Some(out) = &outputs.record else { return Ok(None) };
-    let size = flight.camera::<Picture>().map(|p| p.frame.size()).ok_or_else(|| without_image(flight))?;
+    let size = flight
+        .camera::<Picture>()
+        .map(|p| p.frame.size())
+        .ok_or_else(|| without_image(flight, "recording", "record"))?;
     Recorder::create(out, size, outputs.shown_fps.unwrap_or(outputs.fps)).map(Some)
 }
 
-/// The error of a flight that has made no image to record.
-fn without_image(flight: &FlightApp) -> Error {
+/// The error of `what`, a recording or a window, whose flight has made no image to `use_it`.
+pub(crate) fn without_image(flight: &FlightApp, what: &str, use_it: &str) -> Error {
     let inspector = flight.app().inspect();
     let mut who = inspector.own_systems_that_write::<Picture>();
     who.extend(inspector.own_fill(Slot::Renderer).map(|name| format!("the renderer {name}")));
     let who = if who.is_empty() { "the scene".to_owned() } else { who.join(" or ") };
-    let why = format!("there is no image to record: {who} makes none of what the camera sees");
-    Error::fault("recording", why, "let the scene render a picture, or record nothing")
+    let why = format!("there is no image to {use_it}: {who} makes none of what the camera sees");
+    Error::fault(what, why, "let the scene render a picture, or record nothing")
 }
 
 /// Flies, logs, and records `fps` images per simulated second, if there are any. Returns true if interrupted. The log is complete
@@ -188,7 +191,7 @@ fn record(flight: &mut FlightApp, overlays: &[Overlay]) -> Result<()> {
     let recording = present::presenter::<Recording>(flight.app_mut(), camera);
     let (made, outcome) = recording.map_or((None, Ok(())), |mut r| (Some(r.images()), r.take_outcome()));
     outcome.and(drawn)?;
-    if made.is_none() || made == before { Err(without_image(flight)) } else { Ok(()) }
+    if made.is_none() || made == before { Err(without_image(flight, "recording", "record")) } else { Ok(()) }
 }
 
 /// Returns the marks that overlays draw over the next image.

@@ -111,7 +111,11 @@ pub(crate) fn check(args: &FlyArgs) -> Result<()> {
 /// Refuses a missing input and impossible outputs before any work is done.
 fn check_files(args: &FlyArgs) -> Result<()> {
     if let Some(input) = args.input.as_deref().filter(|i| !i.exists()) {
-        return Err(Error::file(input, "does not exist", format!("check the name, or see {} --help for the commands", program_name())));
+        return Err(Error::file(
+            input,
+            "does not exist",
+            format!("check the name, or see {} --help for the commands", program_name()),
+        ));
     }
     if let Some(mesh) = &args.coverage_mesh
         && MeshFormat::of(mesh).ok() != Some(MeshFormat::Ply)

@@ -80,6 +80,8 @@ pub(crate) struct FlightController {
     /// Time up to which the flight is simulated; `None` after a rest.
     simulated: Option<Instant>,
     quiet: u32,
+    /// True if the flight's time is limited: it goes on whatever happens, or its end would never come.
+    is_timed: bool,
     held: HeldKeys,
     sent: ([f64; 3], [f64; 3]),
     moved: Moved,
@@ -160,6 +162,7 @@ impl FlightController {
             start: now,
             simulated: None,
             quiet: 0,
+            is_timed: false,
             held: HeldKeys::default(),
             sent: Default::default(),
             moved: Moved::default(),
@@ -240,6 +243,12 @@ impl FlightController {
             }
             None => self.flight.views().present_again(),
         }
+        let is_pending = self.framebuffer().is_some_and(|mut f| f.show_without_flight());
+        let is_due = due.as_ref().is_some_and(Due::is_rendered);
+        let is_empty = is_due && self.flight.camera::<Picture>().is_some_and(|p| !p.traced);
+        if (is_pending || is_empty) && self.flight.setup().scene.picture {
+            self.report_fault(&headless::without_image(&self.flight, "window", "show"), Instant::now());
+        }
         let presented = self.framebuffer().and_then(|mut f| f.take_presented()).transpose()?;
         self.has_shown = true;
         if let Some(due) = due {
@@ -294,7 +303,12 @@ impl FlightController {
 
     /// True if nothing will change until the operator acts.
     pub(crate) fn rests(&self) -> bool {
-        self.quiet >= QUIET_STEPS
+        self.quiet >= QUIET_STEPS && !self.is_timed
+    }
+
+    /// Tells that the flight ends at a certain time.
+    pub(crate) fn limit_time(&mut self) {
+        self.is_timed = true;
     }
 
     /// Returns when work is due although the flight rests, such as a finer image or the end of a message.
@@ -623,6 +637,10 @@ impl FlightController {
         self.take_kinds(now);
         self.take_seen(now);
         for note in self.flight.take_notes() {
+            // A message is soon gone, and the last ones are never read.
+            if self.reported.insert(note.clone()) {
+                output::to_stderr(format_args!("note: {note}"));
+            }
             self.say(note, now);
         }
         let Moved { look, roll, zoom, speed } = std::mem::take(&mut self.moved);

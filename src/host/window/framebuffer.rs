@@ -91,9 +91,33 @@ impl Framebuffer {
         self.show(&[])
     }
 
+    /// Shows the layout that was prepared last, with the slices, if no picture of the flight took it: for scenes whose renderer or
+    /// presentation is that of a plug-in that shows none. Returns true if so.
+    pub(crate) fn show_without_flight(&mut self) -> bool {
+        let Some((places, _)) = self.next.take() else { return false };
+        self.show_at(&Places { flight: None, ..places }, None);
+        true
+    }
+
     /// Takes the result of the last presentation; `None` if there was none.
     pub(crate) fn take_presented(&mut self) -> Option<Result<PresentResult>> {
         self.presented.take()
+    }
+
+    /// Shows the layout over the flight's picture, with the time that it took, and the slices.
+    fn show_at(&mut self, places: &Places, picture: Option<(&Frame, f64)>) {
+        // Taken out while shown, since the presentation borrows the rest of `self`.
+        let slices = std::mem::take(&mut self.slices);
+        let flight = places.flight.zip(picture).map(|(at, (frame, _))| Placed { at, frame });
+        let mut placed: Vec<Placed<'_>> = flight.into_iter().collect();
+        placed.extend(slices.iter().filter_map(|(entity, frame)| {
+            let at = places.slices.iter().find(|p| p.0 == *entity)?.1;
+            Some(Placed { at, frame })
+        }));
+        let shown = self.show(&placed);
+        self.slices = slices;
+        let traced_ms = picture.map_or(0.0, |(_, ms)| ms);
+        self.presented = Some(shown.map(|p| PresentResult { traced_ms, ..p }));
     }
 
     /// Shows the layout over `pictures`. A window without pixels shows nothing.
@@ -125,17 +149,7 @@ impl Presenter for Framebuffer {
     fn present(&mut self, picture: &Picture) {
         if let Some((places, since)) = self.next.take() {
             let traced_ms = since.elapsed().as_secs_f64() * 1e3;
-            // Taken out while shown, since the presentation borrows the rest of `self`.
-            let slices = std::mem::take(&mut self.slices);
-            let flight = places.flight.map(|at| Placed { at, frame: &picture.frame });
-            let mut placed: Vec<Placed<'_>> = flight.into_iter().collect();
-            placed.extend(slices.iter().filter_map(|(entity, frame)| {
-                let at = places.slices.iter().find(|p| p.0 == *entity)?.1;
-                Some(Placed { at, frame })
-            }));
-            let shown = self.show(&placed);
-            self.slices = slices;
-            self.presented = Some(shown.map(|p| PresentResult { traced_ms, ..p }));
+            self.show_at(&places, Some((&picture.frame, traced_ms)));
         }
     }
 

@@ -155,7 +155,7 @@ pub(crate) fn loading(p: &Painter, area: Rect, stage: &str, share: Option<f64>, 
 }
 
 /// Positions of marks are clamped to this distance, pixels: anything farther out is in no window.
-const FAR_PIXELS: f32 = 1e5;
+const FAR_PIXELS: f32 = 3e4;
 /// Limits of a mark's font size, points, and of its number of characters.
 const TEXT_SIZES: [f32; 2] = [4.0, 96.0];
 const LONGEST_TEXT: usize = 400;

@@ -376,6 +376,9 @@ impl Shell {
         let mut controller =
             FlightController::new(flight, Arc::clone(&self.saveable), overlays, Rc::clone(&self.actions))?;
         controller.set_detector(self.detector);
+        if self.seconds.is_some() {
+            controller.limit_time();
+        }
         let files = ScanFiles::of(self.scan.as_deref(), self.resume);
         let (measures, unread) = Measures::open(files.measures);
         controller.set_measures(measures);

@@ -63,6 +63,13 @@ pub(crate) struct Due {
     begun: Instant,
 }
 
+impl Due {
+    /// True if a picture is rendered, not only shown again.
+    pub(crate) fn is_rendered(&self) -> bool {
+        !self.stays
+    }
+}
+
 /// Renders the operator's view.
 pub(crate) struct ViewRenderer {
     budget: FrameBudget,

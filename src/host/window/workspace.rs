@@ -272,7 +272,7 @@ impl Workspace {
         let make = |e: &PanelEntry| {
             let (panel, fault) = match panics::catch(|| (e.make)()) {
                 Ok(panel) => (panel, None),
-                Err(why) => ((PanelEntry::NONE.make)(), Some(why)),
+                Err(why) => ((PanelEntry::NONE.make)(), Some(hidden(e, why))),
             };
             Shown { entry: *e, panel, fault }
         };
@@ -379,7 +379,7 @@ impl Workspace {
         for shown in self.panels.iter_mut().filter(|p| p.fault.is_none()) {
             match panics::catch(|| (shown.entry.make)()) {
                 Ok(panel) => shown.panel = panel,
-                Err(why) => shown.fault = Some(why),
+                Err(why) => shown.fault = Some(hidden(&shown.entry, why)),
             }
         }
     }
@@ -434,6 +434,32 @@ impl Workspace {
     }
 }
 
+/// True if a shape has places that are not finite, or is absurdly far away.
+fn is_absurd(shape: &egui::Shape) -> bool {
+    use egui::Shape;
+    // A bounding rectangle leaves out places that are not numbers.
+    let is_finite = match shape {
+        Shape::Noop => return false,
+        // The bounding rectangle of a text without ink is not finite.
+        Shape::Text(text) if text.galley.mesh_bounds.is_negative() => return !text.pos.is_finite(),
+        Shape::Vec(all) => return all.iter().any(is_absurd),
+        Shape::Path(path) => path.points.iter().all(|p| p.is_finite()),
+        Shape::LineSegment { points, .. } => points.iter().all(|p| p.is_finite()),
+        Shape::Circle(circle) => circle.center.is_finite() && circle.radius.is_finite(),
+        Shape::Ellipse(ellipse) => ellipse.center.is_finite() && ellipse.radius.is_finite(),
+        Shape::Mesh(mesh) => mesh.vertices.iter().all(|v| v.pos.is_finite()),
+        Shape::Text(text) => text.pos.is_finite() && text.angle.is_finite(),
+        Shape::QuadraticBezier(curve) => curve.points.iter().all(|p| p.is_finite()),
+        Shape::CubicBezier(curve) => curve.points.iter().all(|p| p.is_finite()),
+        Shape::Rect(_) | Shape::Callback(_) => true,
+    };
+    let at = shape.visual_bounding_rect();
+    // What encloses nothing ends before it begins.
+    let is_seen = at.min.x <= at.max.x && at.min.y <= at.max.y || at.any_nan();
+    let far = at.min.to_vec2().length().max(at.max.to_vec2().length());
+    !is_finite || is_seen && !(at.is_finite() && far < ABSURD)
+}
+
 /// Removes shapes of a layer, from `first` on, that no one can see and that take forever to draw: places that are not finite or absurdly
 /// far away. Returns true if there were any.
 fn hide_absurd(egui: &egui::Context, layer: egui::LayerId, first: egui::layers::ShapeIdx) -> bool {
@@ -442,17 +468,7 @@ fn hide_absurd(egui: &egui::Context, layer: egui::LayerId, first: egui::layers::
         let mut any = false;
         for n in first.0..list.next_idx().0 {
             list.mutate_shape(egui::layers::ShapeIdx(n), |clipped| {
-                let is_absurd = |shape: &egui::Shape| {
-                    let at = shape.visual_bounding_rect();
-                    let far = at.min.to_vec2().length().max(at.max.to_vec2().length());
-                    let is_seen = at != egui::Rect::NOTHING && !matches!(shape, egui::Shape::Noop);
-                    is_seen && !(at.is_finite() && far < ABSURD)
-                };
-                let is_one = match &clipped.shape {
-                    egui::Shape::Vec(all) => all.iter().any(is_absurd),
-                    one => is_absurd(one),
-                };
-                if is_one {
+                if is_absurd(&clipped.shape) {
                     (clipped.shape, any) = (egui::Shape::Noop, true);
                 }
             });
@@ -499,9 +515,8 @@ impl Behavior<String> for Tiling<'_, '_> {
             note(format!("panel {}", shown.entry.name), what);
         }
         if let Err(why) = laid_out {
-            output::to_stderr(format_args!("note: panel {} panicked: {why}; it is hidden", shown.entry.name));
             reported(ui, rect, shown.entry.title, &why);
-            shown.fault = Some(why);
+            shown.fault = Some(hidden(&shown.entry, why));
             *self.is_broken = true;
         }
         UiResponse::None
@@ -523,6 +538,12 @@ impl Behavior<String> for Tiling<'_, '_> {
         // Keep the tiles as in the layout, so that dividers are found again.
         SimplificationOptions::OFF
     }
+}
+
+/// Tells that a panel has panicked and is not shown from now on. Returns why.
+fn hidden(panel: &PanelEntry, why: String) -> String {
+    output::to_stderr(format_args!("note: panel {} panicked: {why}; it is hidden", panel.name));
+    why
 }
 
 /// Shows the error of a panel in its place.
@@ -697,6 +718,31 @@ mod tests {
     }
 
     /// Whatever a panel draws, it may be hidden, but the other panels go on, and nothing hangs.
+    #[test]
+    fn shapes_are_absurd_where_a_place_is_none_or_far_away() {
+        use egui::{Color32, FontId, Shape, pos2};
+        let egui = egui::Context::default();
+        let mut shapes = Vec::new();
+        let text = |ui: &egui::Ui, text: &str, at| {
+            let galley = ui.painter().layout_no_wrap(text.to_owned(), FontId::proportional(14.0), Color32::WHITE);
+            Shape::galley(at, galley, Color32::WHITE)
+        };
+        let _ = egui.run_ui(egui::RawInput::default(), |ui| {
+            shapes = ["", "  ", "a"].map(|t| text(ui, t, pos2(9.0, 9.0))).into();
+            shapes.push(text(ui, "", pos2(f32::NAN, 9.0)));
+        });
+        let far: Vec<bool> = shapes.iter().map(is_absurd).collect();
+        assert_eq!(far, [false, false, false, true]);
+        let red = egui::Stroke::new(1.0, Color32::RED);
+        let line = |x| Shape::line(vec![pos2(1.0, 1.0), pos2(x, 2.0), pos2(3.0, 3.0)], red);
+        assert!(!is_absurd(&line(9.0)) && !is_absurd(&Shape::Noop) && !is_absurd(&Shape::Vec(vec![line(3.0)])));
+        for odd in [f32::NAN, f32::INFINITY, 1e9] {
+            assert!(is_absurd(&line(odd)) && is_absurd(&Shape::Vec(vec![Shape::Noop, line(odd)])), "{odd}");
+            assert!(is_absurd(&Shape::circle_filled(pos2(1.0, odd), 2.0, Color32::RED)), "{odd}");
+            assert!(is_absurd(&Shape::circle_filled(pos2(1.0, 2.0), odd, Color32::RED)), "{odd}");
+        }
+    }
+
     #[test]
     fn a_panel_that_draws_absurdly_disturbs_no_other() {
         let controller = crate::host::window::controller::tests::controller("tentacles");
