@@ -235,17 +235,18 @@ impl FlightController {
     /// # Errors
     /// Returns status 1 if a frame cannot be rendered or shown.
     pub(crate) fn show(&mut self, due: Option<Due>) -> Result<Option<PresentResult>> {
+        let mut is_rendered = due.as_ref().is_some_and(Due::is_rendered);
         match &due {
             Some(_) => {
                 if let Err(e) = self.flight.views().render_due() {
+                    is_rendered = false;
                     self.recover(e, Instant::now())?;
                 }
             }
             None => self.flight.views().present_again(),
         }
         let is_pending = self.framebuffer().is_some_and(|mut f| f.show_without_flight());
-        let is_due = due.as_ref().is_some_and(Due::is_rendered);
-        let is_empty = is_due && self.flight.camera::<Picture>().is_some_and(|p| !p.traced);
+        let is_empty = is_rendered && self.flight.camera::<Picture>().is_some_and(|p| !p.traced);
         if (is_pending || is_empty) && self.flight.setup().scene.picture {
             self.report_fault(&headless::without_image(&self.flight, "window", "show"), Instant::now());
         }
