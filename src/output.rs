@@ -249,16 +249,6 @@ pub fn plain(e: &io::Error) -> String {
     text.split(" (os error").next().unwrap_or(&text).to_lowercase()
 }
 
-/// Rejects outputs that would overwrite an input or each other, and outputs in missing folders, before any work is
-/// done.
-///
-/// # Errors
-/// Returns status 2 if two paths are the same, status 5 if a folder is missing.
-pub fn check_targets(inputs: &[&Path], outputs: &[&Path]) -> Result<()> {
-    check_apart(inputs, outputs)?;
-    check_folders(outputs)
-}
-
 /// Rejects files whose folder is missing.
 ///
 /// # Errors
@@ -347,14 +337,14 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let at = |n: &str| dir.path().join(n);
         std::fs::write(at("scan"), "x").unwrap();
-        let check = |o: &[&Path]| check_targets(&[&at("scan")], o).map_err(|e| e.kind);
+        let check = |o: &[&Path]| check_apart(&[&at("scan")], o).and_then(|()| check_folders(o)).map_err(|e| e.kind);
         assert_eq!(check(&[&at("a"), &at("b")]), Ok(()));
         assert_eq!(check(&[&at("scan")]), Err(Kind::Usage));
         assert_eq!(check(&[&at("a"), &at("a")]), Err(Kind::Usage));
         assert_eq!(check(&[&at("none/a")]), Err(Kind::Output));
-        let in_file = check_targets(&[], &[&at("scan/a")]).unwrap_err().to_string();
+        let in_file = check_folders(&[&at("scan/a")]).unwrap_err().to_string();
         assert!(in_file.contains("is a file"), "{in_file}");
-        assert_eq!(check_targets(&[], &[&at("scan/deep/er")]).unwrap_err().to_string().matches("is a file").count(), 1);
+        assert_eq!(check_folders(&[&at("scan/deep/er")]).unwrap_err().to_string().matches("is a file").count(), 1);
         for folder in [at("scan"), at("scan/"), at("scan/deep/er")] {
             let e = make_folder(&folder).unwrap_err().to_string();
             assert!(e.contains("scan is a file"), "{e}");

@@ -79,6 +79,12 @@ impl Files {
         };
         let (read, written) = (with(&self.read, companions::read_with), with(&self.written, companions::written_with));
         output::check_apart(&paths(&read), &paths(&written))?;
+        for file in &written {
+            if let Some(folder) = written.iter().find(|f| is_picture_of(f, file)) {
+                let why = format!("is the name of a picture in {}, which is written", folder.display());
+                return Err(Error::usage(file.display().to_string(), why, "give it a name of its own"));
+            }
+        }
         for file in written.iter().filter(|w| w.is_file()) {
             if let Some(folder) = self.read.iter().find(|r| is_slice(r, file)) {
                 let why = format!("is a slice of {}, which is read", folder.display());
@@ -98,6 +104,14 @@ fn is_slice(read: &Path, file: &Path) -> bool {
     let real = |path: &Path| std::fs::canonicalize(path).ok();
     let Some((folder, file)) = real(read).zip(real(file)) else { return false };
     folder.is_dir() && file.starts_with(&folder) && companions::is_slice_of(&folder, &file)
+}
+
+/// True if a file stands in a folder of numbered pictures and is named like one of them.
+fn is_picture_of(folder: &Path, file: &Path) -> bool {
+    let number = file.file_stem().and_then(|s| s.to_str()).map(|s| s.split(['-', '_', '.']).next().unwrap_or(s));
+    let is_numbered = number.is_some_and(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()));
+    let is_png = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
+    is_png && is_numbered && file.parent().is_some_and(|p| p.components().eq(folder.components()))
 }
 
 /// Rejects outputs whose folder is missing, before any work is done.

@@ -146,6 +146,8 @@ fn data_beside_headers_and_slices_of_folders_are_not_overwritten() {
     refused(&["other.mhd"], &["voxels.mhd"], "voxels.raw: is named for two things");
     refused(&[], &["a.mhd", "a.raw"], "a.raw: is named for two things");
     refused(&["slices"], &["slices/0.png"], "is a slice of");
+    refused(&[], &["made/", "made/0000.png"], "is the name of a picture in");
+    refused(&[], &["made", "made/0007-near.png"], "is the name of a picture in");
     for (read, written) in [
         (&["scan.nhdr"][..], &["scan.nhdr.json"][..]),
         (&["other.mhd"], &["other.nii"]),
@@ -153,6 +155,8 @@ fn data_beside_headers_and_slices_of_folders_are_not_overwritten() {
         (&["slices"], &["alone.png"]),
         (&["slices/0.png"], &["alone.png"]),
         (&[], &["a.mhd", "a.nhdr"]),
+        (&[], &["made", "made/stats.json"]),
+        (&[], &["made", "other/0000.png"]),
     ] {
         assert_eq!(apart(read, written), Ok(()), "{read:?} {written:?}");
     }

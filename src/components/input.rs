@@ -28,7 +28,8 @@ pub enum HandCommand {
     Pause(bool),
     /// Sets the cruise speed, as a multiple of the scene's.
     Speed(f64),
-    /// Resumes the flight after the guide called for help.
+    /// Resumes the flight after the guide called for help. Of programs that drive a flight, and of recordings: in a window the
+    /// operator steers, turns round or chooses another segment instead.
     Resume,
 }
 

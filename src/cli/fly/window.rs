@@ -87,7 +87,8 @@ fn all_written(args: &FlyArgs, is_flown: bool) -> Result<()> {
 fn for_another(args: FlyArgs, input: PathBuf, is_first: bool) -> FlyArgs {
     if is_first {
         let input = Some(input);
-        return FlyArgs { input, from: None, to: None, answers: None, replay: None, play: None, rate: None, ..args };
+        let own = FlyArgs { from: None, to: None, reverse: false, answers: None, ..args };
+        return FlyArgs { input, replay: None, play: None, rate: None, ..own };
     }
 
     // Every option is named, so that a new one must be thought of.
@@ -97,7 +98,7 @@ fn for_another(args: FlyArgs, input: PathBuf, is_first: bool) -> FlyArgs {
         guide,
         from: _,
         to: _,
-        reverse,
+        reverse: _,
         seconds: _,
         fps,
         size,
@@ -123,7 +124,6 @@ fn for_another(args: FlyArgs, input: PathBuf, is_first: bool) -> FlyArgs {
         input: Some(input),
         headless,
         guide,
-        reverse,
         fps,
         size,
         quality,
@@ -224,10 +224,10 @@ mod tests {
     fn another_scan_has_no_files_and_no_review_of_the_one_before() {
         let line = "colvis a.nii --guide path --from rectum --to cecum --seconds 5 --size 64x48 --log l.jsonl --stats s.json \
                     --coverage --review --answers a.json --coverage-mesh m.ply --record-input i --replay r --scene s.toml \
-                    --layout slices --detector shape --overlay mines";
+                    --reverse --layout slices --detector shape --overlay mines";
         let before = Program::default().parse(line.split_whitespace()).unwrap().fly;
         let args = for_another(before.clone(), PathBuf::from("b.nii"), false);
-        assert!(args.input == Some(PathBuf::from("b.nii")) && args.scene == before.scene);
+        assert!(args.input == Some(PathBuf::from("b.nii")) && args.scene == before.scene && !args.reverse);
         // Of all files, only the scene is read, and none is written.
         let none = FlyArgs { input: args.input.clone(), scene: args.scene.clone(), ..FlyArgs::default() };
         assert_eq!(format!("{:?}", Files::fly(&args)), format!("{:?}", Files::fly(&none)));

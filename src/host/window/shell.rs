@@ -512,6 +512,8 @@ impl Shell {
                 }
                 self.input = Some(input_of(&self.interface, window, events));
                 (self.touched, self.laid_out) = (true, None);
+                // What the other panels asked for holds.
+                self.follow(chosen.into_iter().chain(requests.take()), now, events);
                 return Ok(());
             }
         }
@@ -519,7 +521,13 @@ impl Shell {
         self.slices_at = requests.slices_at().iter().map(|(o, at)| (*o, size.in_pixels(*at))).collect();
         self.laid_out = Some((content, size));
         self.laid_out_at = Some(now);
-        for request in chosen.into_iter().chain(requests.take()) {
+        self.follow(chosen.into_iter().chain(requests.take()), now, events);
+        Ok(())
+    }
+
+    /// Executes the requests of panels.
+    fn follow(&mut self, requests: impl Iterator<Item = Request>, now: Instant, events: &ActiveEventLoop) {
+        for request in requests {
             match request {
                 Request::Open(path, series) => self.open_scan(path, series, events),
                 Request::Flight(request) => {
@@ -558,7 +566,6 @@ impl Shell {
                 }
             }
         }
-        Ok(())
     }
 
     /// Performs an action once.
