@@ -236,6 +236,25 @@ mod tests {
     }
 
     #[test]
+    fn a_picture_with_depth_gets_it_with_every_image() {
+        let mut test = test();
+        test.app.equip(Picture::with_depth(SIZE.0, SIZE.1));
+        let mut before = Vec::new();
+        for preset in presets::BUILT_IN {
+            for adaptive in [false, true] {
+                test.get_mut::<Pose>().position.y += 0.5;
+                let picture = &mut *test.get_mut::<Picture>();
+                (picture.preset, picture.settings.adaptive) = (preset, adaptive);
+                assert!(traced(&mut test));
+                let depth = test.get::<Picture>().frame.depth().unwrap().to_vec();
+                assert!(depth.len() == SIZE.0 * SIZE.1 && depth.iter().all(|mm| (2.0..40.0).contains(mm)), "{depth:?}");
+                assert!(depth != before, "{} {adaptive}", preset.name);
+                before = depth;
+            }
+        }
+    }
+
+    #[test]
     fn a_view_shows_its_own_scan_and_follows_its_own_entity() {
         let mut test = test();
         let small = Room::new([6; 3]);

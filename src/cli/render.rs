@@ -14,7 +14,6 @@ use crate::cli::prepare::say;
 use crate::cli::{Program, prepare};
 use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
-use crate::host::record::write_png;
 use crate::host::terminal::Bar;
 use crate::output;
 use crate::panics;
@@ -101,7 +100,7 @@ pub(crate) fn run(program: &Program, args: &RenderArgs, global: &Global, progres
         progress.check()?;
         let ms = begun.elapsed().as_secs_f64() * 1e3;
         frames.push(FrameStats { ms, rays: work.rays, samples: work.samples, reused: work.reused });
-        write_png(&args.out.join(format!("{n:04}.png")), &frame)?;
+        frame.write_png(args.out.join(format!("{n:04}.png")))?;
         if args.depth {
             // mm, row 0 on top.
             output::write_npy(&args.out.join(format!("{n:04}.npy")), &depth, &[size.height, size.width])?;

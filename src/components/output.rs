@@ -110,6 +110,25 @@ impl Picture {
         }
     }
 
+    /// Like [`Picture::new`], with the distance to the wall for each pixel. The renderer fills it along with the colours, and
+    /// post-processes and presenters read it from [`Frame::depth`].
+    ///
+    /// ```
+    /// use colvis::app::{FlightRequest, Scan, Scene};
+    /// use colvis::components::output::{Follows, Picture};
+    ///
+    /// let mut flight = Scan::phantom(1)?.flight(Scene::default(), &FlightRequest::default())?;
+    /// let rear = flight.views().add((Picture::with_depth(160, 120), Follows::rear()))?;
+    /// flight.frame()?;
+    /// let frame = &flight.app().world.get::<Picture>(rear).expect("it was just added").frame;
+    /// let mm = frame.depth().expect("it was asked for")[160 * 60 + 80];
+    /// assert!(mm > 1.0, "{mm} mm to the wall in the middle of the picture");
+    /// # Ok::<(), colvis::error::Error>(())
+    /// ```
+    pub fn with_depth(width: usize, height: usize) -> Self {
+        Self { frame: Frame::with_depth(width, height), ..Self::new(width, height) }
+    }
+
     /// Restores the image to the size that it was traced in.
     pub fn keep_size(&mut self) {
         let Some(view) = self.view.as_ref().filter(|_| self.traced) else { return };

@@ -22,20 +22,7 @@ use crate::systems::present::Presenter;
 /// # Errors
 /// Returns status 5 if it cannot be written.
 pub(crate) fn write_png(path: &Path, frame: &Frame) -> Result<()> {
-    output::write_whole(path, |w| {
-        image::codecs::png::PngEncoder::new_with_quality(
-            w,
-            image::codecs::png::CompressionType::Fast,
-            image::codecs::png::FilterType::Adaptive,
-        )
-        .write_image(
-            frame.pixels().as_flattened(),
-            frame.width() as u32,
-            frame.height() as u32,
-            ExtendedColorType::Rgb8,
-        )
-        .map_err(std::io::Error::other)
-    })
+    frame.write_png(path)
 }
 
 /// Writes an 8-bit grey image as PNG, completely or not at all. Width and height are in pixels, row 0 is on top.

@@ -1,7 +1,14 @@
 //! Rendered pictures and counts of the work they took.
 
 use std::fmt;
+use std::path::Path;
 use std::str::FromStr;
+
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder};
+
+use crate::error;
+use crate::output;
 
 /// The size of an image, pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -123,6 +130,36 @@ impl Frame {
         }
     }
 
+    /// Writes the pixels as an 8-bit RGB PNG file, completely or not at all.
+    ///
+    /// Depth does not fit into it: write [`Frame::depth`] with [`write_npy`](crate::output::write_npy).
+    ///
+    /// ```
+    /// use colvis::output::write_npy;
+    /// use colvis::render::Frame;
+    ///
+    /// # let folder = std::env::temp_dir().join(format!("colvis-frame-{}", std::process::id()));
+    /// # colvis::output::make_folder(&folder)?;
+    /// let mut frame = Frame::with_depth(4, 3);
+    /// frame.buffers().0.fill([200, 90, 80]);
+    /// frame.write_png(folder.join("picture.png"))?;
+    /// if let Some(depth) = frame.depth() {
+    ///     write_npy(&folder.join("depth.npy"), depth, &[frame.height(), frame.width()])?; // mm, row 0 on top
+    /// }
+    /// # let _ = std::fs::remove_dir_all(folder);
+    /// # Ok::<(), colvis::error::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// Returns status 5 if it cannot be written, or if it has no pixels.
+    pub fn write_png(&self, path: impl AsRef<Path>) -> error::Result<()> {
+        output::write_whole(path.as_ref(), |w| {
+            PngEncoder::new_with_quality(w, CompressionType::Fast, FilterType::Adaptive)
+                .write_image(self.pixels.as_flattened(), self.width as u32, self.height as u32, ExtendedColorType::Rgb8)
+                .map_err(std::io::Error::other)
+        })
+    }
+
     /// Returns the pixels and, if present, the depth for writing.
     pub fn buffers(&mut self) -> (&mut [[u8; 3]], Option<&mut [f32]>) {
         (&mut self.pixels, self.depth.as_deref_mut())
@@ -168,6 +205,24 @@ pub fn psnr(a: &Frame, b: &Frame) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::Kind;
+
+    #[test]
+    fn a_picture_is_written_whole_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("picture.png");
+        let mut frame = Frame::with_depth(3, 2);
+        frame.buffers().0.copy_from_slice(&[[1, 2, 3], [4, 5, 6], [7, 8, 9], [250, 0, 9], [0, 0, 0], [255; 3]]);
+        frame.write_png(&path).unwrap();
+        let read = image::open(&path).unwrap().into_rgb8();
+        assert_eq!((read.dimensions(), read.as_raw().as_slice()), ((3, 2), frame.pixels().as_flattened()));
+        let before = std::fs::read(&path).unwrap();
+        let error = Frame::default().write_png(&path).unwrap_err();
+        assert_eq!(error.kind, Kind::Output, "{error}");
+        assert_eq!(std::fs::read(&path).unwrap(), before, "a picture without pixels leaves the old file alone");
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
+        assert_eq!(frame.write_png(folder.path().join("none/picture.png")).unwrap_err().kind, Kind::Output);
+    }
 
     #[test]
     fn a_picture_is_drawn_into_another_as_far_as_it_fits() {

@@ -7,7 +7,7 @@ use super::Entry;
 use super::page::{Card, Page, Picture, VIEW};
 use crate::app::look::{Looks, SLICE, Subject};
 use crate::error::{Error, Result};
-use crate::host::record::{write_grey_png, write_png};
+use crate::host::record::write_grey_png;
 use crate::output;
 use crate::polyps::{Candidate, Wall};
 use crate::progress::Progress;
@@ -68,7 +68,7 @@ pub(super) fn write(
         let (view, scale) = looks.view(&subject, VIEW)?;
         renderer.render(&view, &mut frame);
         let mut pictures = vec![Picture::view(name("view"), scale)];
-        write_png(&folder.join(&pictures[0].file), &frame)?;
+        frame.write_png(folder.join(&pictures[0].file))?;
         let titles = ["axial", "across", "along"];
         for (title, slice) in titles.into_iter().zip(subject.slices()) {
             slice.fill(prepared.voxels(), &mut hu);
