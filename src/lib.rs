@@ -45,7 +45,7 @@
 //! assert!((ahead - 4.333).abs() < 0.001, "−650 HU lies a third of the way from −1000 to 50");
 //! let clearance = ClearanceFinder::new(volume, -650.0, 12.0).at(eye);
 //! assert!(clearance.mm <= ahead && clearance.mm > ahead - 0.1 && clearance.toward.x > 0.99);
-//! # Ok::<(), String>(())
+//! # Ok::<(), colvis::error::Error>(())
 //! ```
 //!
 //! Frames and units: *world* is the patient's frame in millimetres, LPS (x to the patient's left, y to posterior, z to superior).

@@ -90,7 +90,7 @@ pub(crate) fn thick_grid(fine: &Grid, slice_mm: f64) -> Result<Grid> {
     let origin = fine.world(DVec3::new(0.0, 0.0, first));
     let spacing = DVec3::new(spacing.x, spacing.y, slice_mm);
     let thick = Grid::new([nx, ny, count], spacing, origin, fine.direction());
-    thick.map_err(|why| Error::usage("--slice", why, format!("give a thickness from {least} to {most} mm")))
+    thick.map_err(|e| Error::usage("--slice", e.why, format!("give a thickness from {least} to {most} mm")))
 }
 
 #[cfg(test)]

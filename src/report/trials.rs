@@ -64,7 +64,7 @@ impl Course {
         let dims = [drawing.width() / 2, drawing.height() / 2, thick + 2 * wall];
         let middle = -0.5 * dims[2] as f64;
         let grid = Grid::new(dims, DVec3::ONE, DVec3::new(0.5, 0.5, middle), DMat3::IDENTITY)
-            .map_err(|why| Error::input("drawing", why, "draw a larger one"))?;
+            .map_err(|e| Error::input("drawing", e.why, "draw a larger one"))?;
         let value = |n: usize| {
             let (i, j, k) = (n % dims[0], n / dims[0] % dims[1], n / dims[0] / dims[1]);
             let pixels = [(0, 0), (1, 0), (0, 1), (1, 1)];

@@ -2,6 +2,11 @@
 
 use glam::{DAffine3, DMat3, DVec3};
 
+use crate::error::{Error, Result};
+
+/// The hint on an unusable spacing.
+const SPACING_HINT: &str = "give the distance of neighbouring voxels along each axis in mm";
+
 /// A regular grid in the world: `world = origin + direction · (spacing ∘ index)`, mm, LPS.
 ///
 /// `direction` has unit columns. It may be left- or right-handed and oblique (a tilted gantry), but never singular.
@@ -14,7 +19,7 @@ use glam::{DAffine3, DMat3, DVec3};
 /// let grid = Grid::new([4, 3, 2], DVec3::new(0.7, 0.7, 1.0), DVec3::new(-10.0, 5.0, 20.0), DMat3::IDENTITY)?;
 /// assert_eq!(grid.world(DVec3::new(1.0, 0.0, 1.0)), DVec3::new(-9.3, 5.0, 21.0));
 /// assert!(grid.voxel(DVec3::new(-10.0, 5.0, 20.0)).length() < 1e-12);
-/// # Ok::<(), String>(())
+/// # Ok::<(), colvis::error::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
@@ -33,29 +38,33 @@ impl Grid {
     /// directions of the three index axes; they are normalised here.
     ///
     /// # Errors
-    /// Returns a short description of the problem: no voxels, more than can be addressed, spacing that is not positive
-    /// and finite, an origin that is not finite, or a direction that is singular or not finite.
-    pub fn new(dims: [usize; 3], spacing: DVec3, origin: DVec3, direction: DMat3) -> Result<Self, String> {
+    /// Returns status 3 if there are no voxels or more than can be addressed, if the spacing is not positive and finite,
+    /// if the origin is not finite, or if the direction is singular or not finite.
+    pub fn new(dims: [usize; 3], spacing: DVec3, origin: DVec3, direction: DMat3) -> Result<Self> {
+        let refused = |why: String, hint: &str| Err(Error::input("grid", why, hint));
         if dims.contains(&0) {
-            return Err(format!("has no voxels (dims {dims:?})"));
+            return refused(format!("has no voxels (dims {dims:?})"), "give at least one voxel along each axis");
         }
         let count = dims.iter().try_fold(1usize, |n, &d| n.checked_mul(d)).filter(|&n| n <= isize::MAX as usize / 8);
         if count.is_none() || dims.iter().any(|&d| d > i32::MAX as usize) {
-            return Err(format!("dims {dims:?} are more than can be addressed"));
+            return refused(format!("dims {dims:?} are more than can be addressed"), "give fewer voxels");
         }
         if !spacing.is_finite() || spacing.min_element() <= 0.0 {
-            return Err(format!("spacing {spacing} mm is not positive and finite"));
+            return refused(format!("spacing {spacing} mm is not positive and finite"), SPACING_HINT);
         }
         if spacing.min_element() < 1e-6 || spacing.max_element() > 1e6 {
-            return Err(format!("spacing {spacing} mm is out of range"));
+            return refused(format!("spacing {spacing} mm is out of range"), SPACING_HINT);
         }
         if !origin.is_finite() || origin.abs().max_element() > 1e9 {
-            return Err(format!("origin {origin} mm is not a place"));
+            return refused(format!("origin {origin} mm is not a place"), "give the first voxel's centre in mm, LPS");
         }
         let columns = [direction.x_axis, direction.y_axis, direction.z_axis].map(|c| c.normalize_or_zero());
         let direction = DMat3::from_cols(columns[0], columns[1], columns[2]);
         if !direction.is_finite() || direction.determinant().abs() < 1e-3 {
-            return Err("direction is singular".to_owned());
+            return refused(
+                "direction is singular".to_owned(),
+                "give three independent directions, one for each index axis",
+            );
         }
         let to_world = DAffine3::from_mat3_translation(direction * DMat3::from_diagonal(spacing), origin);
         let to_voxel = to_world.inverse();
@@ -146,6 +155,7 @@ impl Grid {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::Kind;
 
     #[test]
     fn world_and_voxel_are_inverse() {
@@ -161,7 +171,10 @@ mod tests {
 
     #[test]
     fn refuses_what_is_no_grid() {
-        let ok = |dims, s: DVec3, d| Grid::new(dims, s, DVec3::ZERO, d);
+        let ok = |dims, s: DVec3, d| {
+            let grid = Grid::new(dims, s, DVec3::ZERO, d);
+            grid.inspect_err(|e| assert!(e.kind == Kind::Input && e.what == "grid" && !e.hint.is_empty(), "{e}"))
+        };
         let one = DVec3::ONE;
         assert!(ok([0, 1, 1], one, DMat3::IDENTITY).is_err());
         assert!(ok([usize::MAX, 2, 2], one, DMat3::IDENTITY).is_err());

@@ -6,6 +6,8 @@ pub(crate) mod hounsfield;
 pub mod io;
 mod position;
 
+use crate::error::{Error, Result};
+
 pub use grid::Grid;
 pub use position::PatientPosition;
 
@@ -21,7 +23,7 @@ pub const AIR_HU: i16 = -1024;
 /// let grid = Grid::new([2, 2, 2], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY)?;
 /// let volume = Volume::new(grid, vec![-1000, -1000, -1000, -1000, 40, 40, 40, 40]); // HU, x fastest
 /// assert_eq!((volume.get(0, 0, 0), volume.get(0, 0, 1)), (-1000, 40));
-/// # Ok::<(), String>(())
+/// # Ok::<(), colvis::error::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Volume {
@@ -34,10 +36,34 @@ impl Volume {
     /// Creates a volume of `data` (HU, x fastest) on `grid`.
     ///
     /// # Panics
-    /// Panics if the number of values does not match the grid. Readers check that beforehand.
+    /// Panics if the number of values does not match the grid. Readers check that beforehand; [`Volume::try_new`] returns
+    /// an error instead.
     pub fn new(grid: Grid, data: Vec<i16>) -> Self {
         assert_eq!(grid.len(), data.len(), "a volume's values must match its grid");
         Self { grid, data, header_position: None }
+    }
+
+    /// Like [`Volume::new`], for values whose number is not known to match.
+    ///
+    /// ```
+    /// use colvis::volume::{Grid, Volume};
+    /// use glam::{DMat3, DVec3};
+    ///
+    /// let grid = Grid::new([2, 2, 2], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY)?;
+    /// let e = Volume::try_new(grid, vec![-1000; 7]).unwrap_err();
+    /// assert_eq!(e.to_string(), "volume: 7 values do not fill a grid of 2x2x2 voxels; give one value for each voxel, x fastest");
+    /// # Ok::<(), colvis::error::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// Returns status 3 if the number of values does not match the grid.
+    pub fn try_new(grid: Grid, data: Vec<i16>) -> Result<Self> {
+        if grid.len() == data.len() {
+            return Ok(Self::new(grid, data));
+        }
+        let [nx, ny, nz] = grid.dims();
+        let why = format!("{} values do not fill a grid of {nx}x{ny}x{nz} voxels", data.len());
+        Err(Error::input("volume", why, "give one value for each voxel, x fastest"))
     }
 
     /// Returns the same volume with the patient's position that its header names.

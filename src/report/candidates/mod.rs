@@ -263,5 +263,5 @@ fn with_slices(grid: &Grid, mm: f64) -> Result<Grid> {
     let spacing = spacing.with_z(mm);
     let last = DVec3::from_array(dims.map(|n| n as f64 - 1.0));
     Grid::new(dims, spacing, -0.5 * last * spacing, DMat3::IDENTITY)
-        .map_err(|e| Error::fault("report candidates", e, "report it"))
+        .map_err(|e| Error::fault("report candidates", e.why, "report it"))
 }

@@ -135,7 +135,7 @@ fn with_spacing(grid: &Grid, spacing: DVec3) -> Result<Grid> {
     let dims = (extent / spacing).to_array().map(|n| n.round().max(2.0) as usize);
     let last = DVec3::from_array(dims.map(|n| n as f64 - 1.0));
     Grid::new(dims, spacing, -0.5 * last * spacing, DMat3::IDENTITY)
-        .map_err(|e| Error::fault("report cleansing", e, "report it"))
+        .map_err(|e| Error::fault("report cleansing", e.why, "report it"))
 }
 
 fn write(all: &[Measured], folder: &Path) -> Result<Vec<String>> {

@@ -75,7 +75,7 @@ fn cube(size: f64, spacing: DVec3, middle: DVec3, direction: DMat3) -> Result<Gr
     let dims = spacing.to_array().map(|s| (size / s).ceil() as usize | 1);
     let half = DVec3::from_array(dims.map(|n| (n - 1) as f64 / 2.0)) * spacing;
     let grid = Grid::new(dims, spacing, middle - direction * half, direction);
-    grid.map_err(|why| Error::fault("grid", why, "report it"))
+    grid.map_err(|e| Error::fault("grid", e.why, "report it"))
 }
 
 /// Returns the world positions of a grid's voxels, in order.

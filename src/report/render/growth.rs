@@ -208,7 +208,7 @@ fn resample(voxels: &Volume, side: usize) -> Result<Volume> {
     let new = Grid::new([side; 3], grid.spacing() * ratio, grid.origin(), grid.direction());
     let too_large =
         |why: String| Error::fault(format!("{side}³ voxels"), why, "leave the full report to a larger machine");
-    let new = new.map_err(too_large)?;
+    let new = new.map_err(|e| too_large(e.why))?;
     let mut data = Vec::new();
     data.try_reserve_exact(new.len()).map_err(|e| too_large(e.to_string()))?;
     data.resize(new.len(), 0i16);

@@ -24,7 +24,7 @@ pub(crate) fn from_steps(path: &Path, dims: [usize; 3], steps: DMat3, origin: DV
 /// # Errors
 /// Returns status 3 with the reason if the grid is impossible.
 pub(crate) fn grid(path: &Path, dims: [usize; 3], spacing: DVec3, origin: DVec3, direction: DMat3) -> Result<Grid> {
-    Grid::new(dims, spacing, origin, direction).map_err(|why| Error::file(path, why, "correct the header"))
+    Grid::new(dims, spacing, origin, direction).map_err(|e| Error::file(path, e.why, "correct the header"))
 }
 
 /// Rejects spacing that is zero, negative or not finite.

@@ -243,7 +243,7 @@ fn sliced(grid: &Grid, slice_mm: f64) -> Result<Grid> {
     let origin = grid.world(DVec3::new(0.0, 0.0, first));
     let spacing = DVec3::new(spacing.x, spacing.y, slice_mm);
     let sliced = Grid::new([nx, ny, count], spacing, origin, grid.direction());
-    sliced.map_err(|why| Error::incomplete("slices", why, "report on a scan with more slices"))
+    sliced.map_err(|e| Error::incomplete("slices", e.why, "report on a scan with more slices"))
 }
 
 /// Averages a scan to slices of `slice_mm` along its third axis and adds white noise of `noise_hu`.
