@@ -40,6 +40,11 @@ impl Shader for Lamp {
         let light = 1.0 / (1.0 + (point.distance_mm / self.reach_mm).powi(2));
         (tissue(point.hu) * point.facing + self.gloss * point.facing.powi(40)) * light
     }
+
+    /// It has no texture and no lines, so pixels between rays may be interpolated.
+    fn is_smooth(&self) -> bool {
+        true
+    }
 }
 
 fn main() -> std::process::ExitCode {

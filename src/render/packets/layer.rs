@@ -209,6 +209,8 @@ impl Rays<'_> {
                         light.tone += mask.select(value * shade, zero);
                     }
                     Some(shader) => {
+                        // What adaptive sampling judges the wall's shape by.
+                        light.bright += mask.select(weight * (facing * DIFFUSE + AMBIENT), zero);
                         // A gradient of 0 marks a homogeneous region.
                         let flat = (steep & facing.simd_lt(one)).select(one, zero);
                         let layers = OwnLayers {

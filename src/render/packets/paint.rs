@@ -4,6 +4,7 @@ use fearless_simd::{Simd, f32x16, i32x16, prelude::*};
 
 use super::cells::Colours;
 use super::rays::{PacketResult, SIDE};
+use super::sampling::Rgb;
 use crate::render::Work;
 use crate::render::renderer::SQUARE;
 use crate::render::transfer::{PALETTE, PALETTE_HU};
@@ -87,6 +88,31 @@ impl<'a> Canvas<'a> {
                     tone += weights * *t;
                 }
                 self.block(&colours(simd, bright, tone), at);
+            },
+        );
+    }
+
+    /// Like [`Canvas::blend`], with the colours that a custom shader has given to the rays.
+    #[inline(never)]
+    pub(crate) fn blend_colours<S: Simd, const N: usize>(
+        &mut self,
+        simd: S,
+        colours: &[Rgb; N],
+        weights: &[[f32; SIDE * SIDE]; N],
+        at: [usize; 2],
+    ) {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let mut packed = i32x16::splat(simd, 0);
+                for channel in [2, 1, 0] {
+                    let mut light = f32x16::splat(simd, 0.0);
+                    for (colour, weights) in colours.iter().zip(weights) {
+                        light += f32x16::load_array_ref(simd, weights) * colour[channel];
+                    }
+                    packed = byte(simd, packed, light);
+                }
+                self.block(&packed.to_array(), at);
             },
         );
     }

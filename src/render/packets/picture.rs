@@ -12,7 +12,7 @@ use super::rays::{Rays, SIDE};
 use super::refine::Band;
 use super::sampling::{BLOCK, ImageSamples, LANES};
 use crate::render::renderer::SQUARE;
-use crate::render::{View, Work};
+use crate::render::{Shader, View, Work};
 
 /// Rows of blocks in a band of the picture.
 const ROWS: usize = 2;
@@ -117,7 +117,7 @@ pub(crate) fn squares_of(
 /// Casts rays where they are needed: those of `samples`, and more where these are not enough.
 ///
 /// Casts a ray for every pixel if it is unknown how far apart neighbouring rays are, or how a shader colours what lies
-/// between them.
+/// between them: it is not [smooth](crate::render::Shader::is_smooth).
 pub(crate) fn needed(
     samples: &mut ImageSamples,
     rays: &Rays<'_>,
@@ -126,11 +126,11 @@ pub(crate) fn needed(
     cells: &[Mutex<Cells>],
     level: Level,
 ) -> Work {
-    let Some(turn) = rays.pixel_turn().filter(|_| rays.shader.is_none()) else {
+    let Some(turn) = rays.pixel_turn().filter(|_| rays.shader.is_none_or(Shader::is_smooth)) else {
         return pixels_of(rays, view, pixels, cells, level);
     };
     let width = view.width();
-    samples.resize([width, view.height()]);
+    samples.resize([width, view.height()], rays.shader.is_some());
     let first = samples.rows().enumerate().with_max_len(1).map(|(n, mut rows)| {
         with_cells(cells, |cells| {
             let mut work = Work::default();
@@ -146,8 +146,10 @@ pub(crate) fn needed(
                     }
                     let start = rays.start(simd, corner, area(1), near);
                     let corners = rays.packet(simd, [x, y], BLOCK, start, cells);
+                    let corner_colours = rays.colours(cells).copied();
                     let centres = rays.packet(simd, [x + BLOCK / 2, y + BLOCK / 2], BLOCK, start, cells);
-                    rows.keep(simd, packet, [&corners, &centres], rays.step(), start);
+                    let shaded = [(&corners, corner_colours.as_ref()), (&centres, rays.colours(cells))];
+                    rows.keep(simd, packet, shaded, rays.step(), start);
                     let samples = u64::from(corners.samples + centres.samples);
                     work = work + Work { rays: 2 * (SIDE * SIDE) as u64, samples, ..Work::default() };
                 }
@@ -172,9 +174,9 @@ pub(crate) fn needed(
                         let (block, bit) = ([x, n * ROWS + row], 1 << (x - first));
                         let at = block.map(|b| b * BLOCK);
                         if verdicts[row].smooth & bit != 0 {
-                            band.smooth(simd, &samples.block(block), at);
+                            band.smooth(simd, &samples.block(block), samples.colours(block).as_ref(), at);
                         } else if verdicts[row].subdivided & bit != 0 {
-                            band.coarse(simd, samples.block(block), at, samples.start(block));
+                            band.coarse(simd, samples.block(block), samples.colours(block), at, samples.start(block));
                         } else {
                             band.rough(simd, at, samples.start(block));
                         }

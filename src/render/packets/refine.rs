@@ -10,8 +10,8 @@ use fearless_simd::Simd;
 use super::cells::Cells;
 use super::paint::Canvas;
 use super::rays::Rays;
-use super::sampling::{Block, Point, WEIGHTS};
-use super::subdivided::{MIDDLES, SUBDIVIDED_WEIGHTS, Subdivided};
+use super::sampling::{Block, Point, Rgb, WEIGHTS};
+use super::subdivided::{MIDDLES, SUBDIVIDED_WEIGHTS, Subdivided, even_colours, in_rows};
 use crate::render::Work;
 use crate::render::renderer::SQUARE;
 
@@ -32,6 +32,8 @@ pub(crate) struct Band<'a, 'b> {
 #[derive(Clone, Copy, Default)]
 struct Coarse {
     block: Block,
+    /// The colours of its rays if a custom shader gives them.
+    colours: Option<[Rgb; 5]>,
     /// The pixel at its top left corner.
     at: [usize; 2],
     start: f32,
@@ -76,8 +78,11 @@ impl<'a, 'b> Band<'a, 'b> {
 
     /// Fills a smooth block whose top left corner is at pixel `at`.
     #[inline(always)]
-    pub(crate) fn smooth<S: Simd>(&mut self, simd: S, block: &Block, at: [usize; 2]) {
-        self.canvas.blend(simd, block.points().map(|p| [p.bright, p.tone]), &WEIGHTS, at);
+    pub(crate) fn smooth<S: Simd>(&mut self, simd: S, block: &Block, colours: Option<&[Rgb; 5]>, at: [usize; 2]) {
+        match colours {
+            None => self.canvas.blend(simd, block.points().map(|p| [p.bright, p.tone]), &WEIGHTS, at),
+            Some(colours) => self.canvas.blend_colours(simd, colours, &WEIGHTS, at),
+        }
     }
 
     /// Casts a ray for every pixel of a block. The rays must meet nothing before `start` steps.
@@ -89,8 +94,15 @@ impl<'a, 'b> Band<'a, 'b> {
 
     /// Queues a block for subdivision.
     #[inline(always)]
-    pub(crate) fn coarse<S: Simd>(&mut self, simd: S, block: Block, at: [usize; 2], start: f32) {
-        if self.blocks.push(Coarse { block, at, start }, start) {
+    pub(crate) fn coarse<S: Simd>(
+        &mut self,
+        simd: S,
+        block: Block,
+        colours: Option<[Rgb; 5]>,
+        at: [usize; 2],
+        start: f32,
+    ) {
+        if self.blocks.push(Coarse { block, colours, at, start }, start) {
             self.subdivide(simd);
         }
     }
@@ -123,12 +135,25 @@ impl<'a, 'b> Band<'a, 'b> {
         let rays = 4 * group.len as u64;
         self.work = self.work + Work { rays, samples: u64::from(light.samples), ..Work::default() };
         let middles = Point::all(simd, &light, self.rays.step());
-        for (Coarse { block, at, start }, middles) in group.items[..group.len].iter().zip(middles.chunks_exact(4)) {
+        let own = self.rays.colours(self.cells).copied();
+        let items = group.items[..group.len].iter().zip(middles.chunks_exact(4)).enumerate();
+        for (index, (Coarse { block, colours, at, start }, middles)) in items {
             let subdivided = Subdivided { block: *block, middles: from_fn(|n| middles[n]) };
-            let smooth = subdivided.smooth();
+            let mut smooth = subdivided.smooth();
+            let colours = colours.as_ref().zip(own.as_ref()).map(|(&[a, b, c, d, centre], own)| {
+                in_rows([a, b, c, d], centre, from_fn(|n| own.map(|channel| channel[4 * index + n])))
+            });
+            if let Some(colours) = &colours {
+                let even = even_colours(colours);
+                smooth = from_fn(|n| smooth[n] && even[n]);
+            }
             if smooth.contains(&true) {
-                let light = subdivided.points().map(|p| [p.bright, p.tone]);
-                self.canvas.blend(simd, light, &SUBDIVIDED_WEIGHTS, *at);
+                if let Some(colours) = &colours {
+                    self.canvas.blend_colours(simd, colours, &SUBDIVIDED_WEIGHTS, *at);
+                } else {
+                    let light = subdivided.points().map(|p| [p.bright, p.tone]);
+                    self.canvas.blend(simd, light, &SUBDIVIDED_WEIGHTS, *at);
+                }
             }
             // Its quarters are squares.
             for n in (0..4).filter(|&n| !smooth[n]) {

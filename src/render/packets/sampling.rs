@@ -14,10 +14,15 @@
 //! Between the corners values are bilinear, plus a tent over the centre for its difference: blocks meet without a seam.
 //! A block that is nearly smooth is divided into quarters ([`subdivided`](super::subdivided)). Everywhere else each
 //! pixel gets its own ray.
+//!
+//! A custom shader that calls itself smooth ([`Shader::is_smooth`](crate::render::Shader::is_smooth)) has its colours
+//! interpolated in the same way. Each of its channels must then meet the conditions for brightness, too, in addition to
+//! all others: the headlight's brightness still shows how the wall turns between the rays.
 
 use fearless_simd::{Simd, f32x16, prelude::*};
 use rayon::prelude::*;
 
+use super::cells::Colours;
 use super::rays::{PacketResult, SIDE};
 
 /// Side of a block, pixels.
@@ -39,8 +44,13 @@ const OPAQUE: f32 = 0.02;
 /// A block with errors up to this multiple of those allowed is likely to be smooth at half the side, where they are a
 /// quarter. It is subdivided.
 const NEARLY_SMOOTH: f32 = 4.0;
-/// Values kept for each ray: those of [`Point`].
+/// Values kept for each ray: those of [`Point`]. A custom shader's [`Rgb`] comes after them.
 const FIELDS: usize = 4;
+
+/// Red, green and blue that a custom shader has given to a ray.
+pub(crate) type Rgb = [f32; 3];
+/// A ray's result, and its colour if a custom shader gives it.
+pub(crate) type Shaded<'a> = (&'a PacketResult, Option<&'a Colours>);
 
 /// The result of one ray.
 #[derive(Clone, Copy, Debug, Default)]
@@ -82,25 +92,39 @@ fn nearness<S: Simd>(simd: S, light: &PacketResult, step: f32) -> [[f32; 16]; 2]
     [near.to_array(), (front / (front_depth * step).max(least)).to_array()]
 }
 
-/// Rays in rows: for each row the [`FIELDS`] of its rays, one after the other.
+/// Rays in rows: for each row the fields of its rays, one after the other.
 #[derive(Default)]
 struct Points {
     values: Vec<f32>,
+    /// [`FIELDS`], and those of [`Rgb`] if a custom shader gives them.
+    fields: usize,
 }
 
 impl Points {
     #[inline(always)]
     fn get(&self, stride: usize, [x, y]: [usize; 2]) -> Point {
-        let row = &self.values[FIELDS * stride * y + x..];
+        let row = &self.values[self.fields * stride * y + x..];
         Point { near: row[0], front: row[stride], bright: row[2 * stride], tone: row[3 * stride] }
+    }
+
+    fn rgb(&self, stride: usize, [x, y]: [usize; 2]) -> Rgb {
+        let at = (self.fields * y + FIELDS) * stride + x;
+        [0, 1, 2].map(|channel| self.values[at + channel * stride])
     }
 
     /// Returns both inverse depths and the brightness of [`LANES`] rays in a row from (`x`, `y`) on.
     #[inline(always)]
     fn load<S: Simd>(&self, simd: S, stride: usize, [x, y]: [usize; 2]) -> [f32x16<S>; 3] {
-        let at = FIELDS * stride * y + x;
+        let at = self.fields * stride * y + x;
         let load = |at: usize| f32x16::from_slice(simd, &self.values[at..at + LANES]);
         [load(at), load(at + stride), load(at + 2 * stride)]
+    }
+
+    /// Returns a channel of the colours of [`LANES`] rays in a row from (`x`, `y`) on.
+    #[inline(always)]
+    fn load_channel<S: Simd>(&self, simd: S, stride: usize, [x, y]: [usize; 2], channel: usize) -> f32x16<S> {
+        let at = (self.fields * y + FIELDS + channel) * stride + x;
+        f32x16::from_slice(simd, &self.values[at..at + LANES])
     }
 }
 
@@ -118,33 +142,37 @@ pub(crate) struct ImageSamples {
 /// Four rows of packets that are being filled.
 pub(crate) struct Rows<'a> {
     stride: usize,
+    fields: usize,
     corners: &'a mut [f32],
     centres: &'a mut [f32],
     starts: &'a mut [f32],
 }
 
 impl ImageSamples {
-    /// Makes room for a picture.
-    pub(crate) fn resize(&mut self, [width, height]: [usize; 2]) {
+    /// Makes room for a picture, with or without the colours of a custom shader.
+    pub(crate) fn resize(&mut self, [width, height]: [usize; 2], own_colours: bool) {
+        let fields = if own_colours { FIELDS + size_of::<Rgb>() / size_of::<f32>() } else { FIELDS };
         self.stride = (width.div_ceil(BLOCK) + 1).next_multiple_of(SIDE);
         let rows = (height.div_ceil(BLOCK) + 1).next_multiple_of(SIDE);
         for points in [&mut self.corners, &mut self.centres] {
             // Verdicts beyond the last block are ignored.
-            points.values.resize(FIELDS * self.stride * rows + LANES + 1, 0.0);
+            points.values.resize(fields * self.stride * rows + LANES + 1, 0.0);
+            points.fields = fields;
         }
         self.starts.resize(self.stride / SIDE * rows / SIDE, 0.0);
     }
 
     /// Returns its rows of packets, from top to bottom.
     pub(crate) fn rows(&mut self) -> impl IndexedParallelIterator<Item = Rows<'_>> {
-        let stride = self.stride;
-        let length = FIELDS * stride * SIDE;
+        let (stride, fields) = (self.stride, self.corners.fields);
+        let length = fields * stride * SIDE;
         let whole = self.starts.len() / (stride / SIDE) * length;
         let corners = self.corners.values[..whole].par_chunks_mut(length);
         let centres = self.centres.values[..whole].par_chunks_mut(length);
         let starts = self.starts.par_chunks_mut(stride / SIDE);
         corners.zip(centres).zip(starts).map(move |((corners, centres), starts)| Rows {
             stride,
+            fields,
             corners,
             centres,
             starts,
@@ -157,6 +185,22 @@ impl ImageSamples {
         let corner = |x, y| self.corners.get(self.stride, [x, y]);
         let corners = [corner(x, y), corner(x + 1, y), corner(x, y + 1), corner(x + 1, y + 1)];
         Block { corners, centre: self.centres.get(self.stride, [x, y]) }
+    }
+
+    /// Returns the colours of the block (`x`, `y`) in the order of [`Block::points`] if a custom shader gives them.
+    #[inline(always)]
+    pub(crate) fn colours(&self, [x, y]: [usize; 2]) -> Option<[Rgb; 5]> {
+        let corner = |x, y| self.corners.rgb(self.stride, [x, y]);
+        let all = || {
+            let [a, b, c, d] = [corner(x, y), corner(x + 1, y), corner(x, y + 1), corner(x + 1, y + 1)];
+            [a, b, c, d, self.centres.rgb(self.stride, [x, y])]
+        };
+        self.has_colours().then(all)
+    }
+
+    #[inline(always)]
+    fn has_colours(&self) -> bool {
+        self.corners.fields > FIELDS
     }
 
     /// Returns the number of steps for which no ray through the block (`x`, `y`) meets anything.
@@ -195,9 +239,18 @@ impl ImageSamples {
         // The largest of all errors, as multiples of those allowed. Second differences shrink with the square of the
         // side, first differences with the side.
         let [near, front] = [near.surface(simd), front.surface(simd)];
-        let second = (bright.bend() * (1.0 / BRIGHTNESS)).max(bright.twist * (0.25 / BRIGHTNESS));
-        let second = second.max(near[0]).max(front[0]);
-        let first = ((bright.most - bright.least) * (1.0 / CONTRAST)).max(near[1]).max(front[1]);
+        let [shade, contrast] = bright.light();
+        let mut second = shade.max(near[0]).max(front[0]);
+        let mut first = contrast.max(near[1]).max(front[1]);
+        if self.has_colours() {
+            for channel in 0..3 {
+                let corners = |x, y| self.corners.load_channel(simd, self.stride, [x, y], channel);
+                let corners = [corners(x, y), corners(x + 1, y), corners(x, y + 1), corners(x + 1, y + 1)];
+                let centre = self.centres.load_channel(simd, self.stride, [x, y], channel);
+                let [shade, contrast] = Five::new(corners, centre).light();
+                (second, first) = (second.max(shade), first.max(contrast));
+            }
+        }
         let smooth = nothing | close & second.simd_le(1.0) & first.simd_le(1.0);
         let subdivided = close & second.simd_le(NEARLY_SMOOTH) & first.simd_le(NEARLY_SMOOTH.sqrt());
         Verdict { smooth: smooth.to_bitmask() as u16, subdivided: subdivided.to_bitmask() as u16 }
@@ -234,6 +287,14 @@ impl<S: Simd> Five<S> {
         (self.centre - self.sum * 0.25).abs()
     }
 
+    /// For brightness or a channel of the colour: returns its errors, of second and of first differences, as multiples of
+    /// those allowed.
+    #[inline(always)]
+    fn light(&self) -> [f32x16<S>; 2] {
+        let second = (self.bend() * (1.0 / BRIGHTNESS)).max(self.twist * (0.25 / BRIGHTNESS));
+        [second, (self.most - self.least) * (1.0 / CONTRAST)]
+    }
+
     /// For a surface's inverse depth: returns its errors in depth, of second and of first differences, as multiples of
     /// those allowed.
     #[inline(always)]
@@ -261,7 +322,7 @@ impl Rows<'_> {
         &mut self,
         simd: S,
         n: usize,
-        [corners, centres]: [&PacketResult; 2],
+        [corners, centres]: [Shaded<'_>; 2],
         step: f32,
         start: f32,
     ) {
@@ -269,11 +330,13 @@ impl Rows<'_> {
             #[inline(always)]
             || {
                 self.starts[n] = start;
-                for (light, points) in [(corners, &mut *self.corners), (centres, &mut *self.centres)] {
+                for ((light, own), points) in [(corners, &mut *self.corners), (centres, &mut *self.centres)] {
                     let [near, front] = nearness(simd, light, step);
-                    for (field, values) in [&near, &front, &light.bright, &light.tone].into_iter().enumerate() {
+                    let own = own.into_iter().flatten();
+                    let fields = [&near, &front, &light.bright, &light.tone].into_iter().chain(own);
+                    for (field, values) in fields.take(self.fields).enumerate() {
                         for (row, values) in values.chunks_exact(SIDE).enumerate() {
-                            let at = self.stride * (FIELDS * row + field) + SIDE * n;
+                            let at = self.stride * (self.fields * row + field) + SIDE * n;
                             points[at..at + SIDE].copy_from_slice(values);
                         }
                     }
@@ -358,14 +421,15 @@ mod tests {
     /// The samples of a picture of `size`; `of` returns the result of a ray at a position in pixels.
     fn samples_of(size: [usize; 2], of: impl Fn(f32, f32) -> Point + Sync) -> ImageSamples {
         let mut samples = ImageSamples::default();
-        samples.resize(size);
+        samples.resize(size, false);
         samples.rows().enumerate().for_each(|(y, mut rows)| {
             for x in 0..rows.packets() {
                 let packet = |shift: usize| {
                     let at = |first: usize, n: usize| ((SIDE * first + n) * BLOCK + shift) as f32;
                     light(std::array::from_fn(|n| of(at(x, n % SIDE), at(y, n / SIDE))))
                 };
-                let packets = [&packet(0), &packet(BLOCK / 2)];
+                let (corners, centres) = (packet(0), packet(BLOCK / 2));
+                let packets = [(&corners, None), (&centres, None)];
                 fearless_simd::dispatch!(Level::new(), simd => rows.keep(simd, x, packets, 1.0, 0.0));
             }
         });
@@ -419,6 +483,48 @@ mod tests {
             assert_eq!(verdict.smooth & 0x3f, 0x1f, "{n}");
             assert_eq!(verdict.subdivided & 1 << 5, 0, "{n}");
         }
+    }
+
+    /// The samples of a picture in which nothing but the colours changes; `of` returns those of a ray.
+    fn coloured(of: impl Fn(f32, f32) -> Rgb) -> ImageSamples {
+        let mut samples = ImageSamples::default();
+        samples.resize(SIZE, true);
+        let rows: Vec<_> = samples.rows().collect();
+        for (y, mut rows) in rows.into_iter().enumerate() {
+            for x in 0..rows.packets() {
+                let grey = light([Point { near: 0.05, bright: 0.5, ..Point::default() }; 16]);
+                let colours = [0, BLOCK / 2].map(|shift| {
+                    let at = |first: usize, n: usize| ((SIDE * first + n) * BLOCK + shift) as f32;
+                    let all: [Rgb; 16] = std::array::from_fn(|n| of(at(x, n % SIDE), at(y, n / SIDE)));
+                    [0, 1, 2].map(|channel| all.map(|rgb| rgb[channel]))
+                });
+                let packets = [(&grey, Some(&colours[0])), (&grey, Some(&colours[1]))];
+                fearless_simd::dispatch!(Level::new(), simd => rows.keep(simd, x, packets, 1.0, 0.0));
+            }
+        }
+        samples
+    }
+
+    /// The wall may look the same in the headlight where a custom shader's colours have an edge, or bend.
+    #[test]
+    fn every_channel_of_a_custom_shader_counts() {
+        for channel in 0..3 {
+            let paint = |value: f32| {
+                let mut rgb = [0.2, 0.3, 0.4];
+                rgb[channel] = value;
+                rgb
+            };
+            let edge = coloured(|x, _| paint(if x < 21.0 { 0.05 } else { 0.9 }));
+            let verdict = judge(&edge, [0, 3], SMALL);
+            assert_eq!((verdict.smooth & 0x3f, verdict.subdivided & 1 << 5), (0x1f, 0), "{channel}");
+            let [corner, .., centre] = edge.colours([4, 3]).unwrap();
+            assert_eq!([corner, centre], [paint(0.05); 2]);
+            assert_eq!(edge.colours([5, 3]).unwrap(), [0.05, 0.9, 0.05, 0.9, 0.9].map(paint));
+            let bowl = |c: f32| judge(&coloured(|x, y| paint(c * (x * x + y * y))), [0, 0], SMALL);
+            let [smooth, rough] = [0.9, 1.1].map(|errors| bowl(errors * BRIGHTNESS / 8.0));
+            assert_eq!([smooth.smooth & 1, rough.smooth & 1, rough.subdivided & 1], [1, 0, 1], "{channel}");
+        }
+        assert!(samples_of(SIZE, |_, _| Point::default()).colours([0, 0]).is_none());
     }
 
     #[test]

@@ -1,7 +1,9 @@
 //! Blocks of half the side: adds rays through the middles of a block's sides, and judges quarters by the second
 //! differences along their sides.
 
-use super::sampling::{BLOCK, Block, CONTRAST, Point, SLOPE};
+use std::array::from_fn;
+
+use super::sampling::{BLOCK, Block, CONTRAST, Point, Rgb, SLOPE};
 
 /// The largest second difference along a quarter's side, brightness and voxels. The error of linear interpolation is an
 /// eighth of it.
@@ -22,22 +24,44 @@ impl Subdivided {
     /// Returns its rays row by row.
     #[inline(always)]
     pub(crate) fn points(&self) -> [Point; 9] {
-        let ([a, b, c, d], [top, left, right, bottom]) = (self.block.corners, self.middles);
-        [a, top, b, left, self.block.centre, right, c, bottom, d]
+        in_rows(self.block.corners, self.block.centre, self.middles)
     }
 
     /// Returns which of the four quarters (left to right, then top to bottom) may be interpolated between their
     /// corners.
     pub(crate) fn smooth(&self) -> [bool; 4] {
         let p = self.points();
-        let straight = |first: usize, stride: usize| is_straight([p[first], p[first + stride], p[first + 2 * stride]]);
-        let (rows, columns) = ([0, 3, 6].map(|n| straight(n, 1)), [0, 1, 2].map(|n| straight(n, 3)));
-        std::array::from_fn(|n| {
-            let (x, y) = (n % 2, n / 2);
-            let corners = [0, 1, 3, 4].map(|corner| p[x + 3 * y + corner]);
-            rows[y] && rows[y + 1] && columns[x] && columns[x + 1] && is_even(corners)
-        })
+        quarters(&p, is_straight, is_even)
     }
+}
+
+/// Returns a subdivided block's rays row by row: those of its corners, of its centre and of [`MIDDLES`].
+#[inline(always)]
+pub(crate) fn in_rows<T>([a, b, c, d]: [T; 4], centre: T, [top, left, right, bottom]: [T; 4]) -> [T; 9] {
+    [a, top, b, left, centre, right, c, bottom, d]
+}
+
+/// Returns in which of the four quarters each channel of a custom shader's colours may be interpolated, by the conditions
+/// for brightness.
+pub(crate) fn even_colours(points: &[Rgb; 9]) -> [bool; 4] {
+    let of = |channel: usize| {
+        let straight = |[a, b, c]: [f32; 3]| (a + c - 2.0 * b).abs() <= BEND[0];
+        quarters(&points.map(|p| p[channel]), straight, is_even_light)
+    };
+    let [red, green, blue] = [of(0), of(1), of(2)];
+    from_fn(|n| red[n] && green[n] && blue[n])
+}
+
+/// Returns the quarters whose four sides are straight and whose corners are even.
+#[inline(always)]
+fn quarters<T: Copy>(p: &[T; 9], straight: impl Fn([T; 3]) -> bool, even: impl Fn([T; 4]) -> bool) -> [bool; 4] {
+    let line = |first: usize, stride: usize| straight([p[first], p[first + stride], p[first + 2 * stride]]);
+    let (rows, columns) = ([0, 3, 6].map(|n| line(n, 1)), [0, 1, 2].map(|n| line(n, 3)));
+    from_fn(|n| {
+        let (x, y) = (n % 2, n / 2);
+        let corners = [0, 1, 3, 4].map(|corner| p[x + 3 * y + corner]);
+        rows[y] && rows[y + 1] && columns[x] && columns[x + 1] && even(corners)
+    })
 }
 
 /// True if the middle one of three rays in a line is close to what the other two predict.
@@ -50,8 +74,12 @@ fn is_straight([a, b, c]: [Point; 3]) -> bool {
 
 /// True if the corners of a quarter belong to one surface.
 fn is_even(p: [Point; 4]) -> bool {
-    let bright = p.map(|p| p.bright);
-    twist(bright) <= BEND[0] && span(bright) <= CONTRAST && is_flat(p.map(|p| p.near)) && is_flat(p.map(|p| p.front))
+    is_even_light(p.map(|p| p.bright)) && is_flat(p.map(|p| p.near)) && is_flat(p.map(|p| p.front))
+}
+
+/// True if brightness, or a channel of the colour, may be interpolated between a quarter's corners.
+fn is_even_light(corners: [f32; 4]) -> bool {
+    twist(corners) <= BEND[0] && span(corners) <= CONTRAST
 }
 
 /// True if the inverse depths belong to one surface, or are all zero.
@@ -106,6 +134,20 @@ mod tests {
         let at = |[x, y]: [usize; 2]| of(x as f32, y as f32);
         let corners = [[0, 0], [BLOCK, 0], [0, BLOCK], [BLOCK, BLOCK]].map(at);
         Subdivided { block: Block { corners, centre: at([BLOCK / 2; 2]) }, middles: MIDDLES.map(at) }
+    }
+
+    #[test]
+    fn quarters_with_an_edge_in_one_channel_have_uneven_colours() {
+        for channel in 0..3 {
+            let with = |n: usize, value: f32| {
+                let mut points = [[0.4; 3]; 9];
+                points[n][channel] = value;
+                even_colours(&points)
+            };
+            assert_eq!(with(8, 0.4 + 0.9 * BEND[0]), [true; 4]);
+            assert_eq!(with(8, 0.4 + 1.1 * BEND[0]), [true, false, false, false], "the sides that end there");
+            assert_eq!(with(4, 0.4 + 0.6 * BEND[0]), [false; 4], "all have the centre, on two straight lines");
+        }
     }
 
     #[test]

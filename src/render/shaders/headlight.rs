@@ -85,6 +85,10 @@ impl Shader for Tissue {
     fn colour(&self, point: &SurfacePoint) -> Vec3 {
         self.palette.colour(point.hu) * (AMBIENT + DIFFUSE * point.facing)
     }
+
+    fn is_smooth(&self) -> bool {
+        true
+    }
 }
 
 #[cfg(test)]

@@ -2,7 +2,8 @@
 //!
 //! Every renderer of this crate gets its colours from the chosen [`Shader`]. The default, [`headlight`], is part of the
 //! renderers and costs no call. Any other shader is called for each point of the wall that a ray meets. Packets of rays
-//! then cast a ray for every pixel, as they cannot know what is between two rays.
+//! then cast a ray for every pixel, as they cannot know what is between two rays, unless the shader
+//! [is smooth](Shader::is_smooth).
 
 pub mod headlight;
 
@@ -56,6 +57,15 @@ pub trait Shader: Send + Sync + Debug {
     /// Returns red, green and blue of a point as shown, 0 to 1 each. NaN counts as 0.
     fn colour(&self, point: &SurfacePoint) -> Vec3;
 }
+
+    /// True if colours vary smoothly along a smooth wall: no texture, lines or steps. It must always return the same.
+    ///
+    /// The default renderer then traces only some of the pixels, which takes a fraction of the time, and interpolates the
+    /// others as it does with the built-in headlight: where the depth, the headlight's brightness and each channel of the
+    /// colour at a block's centre are what its corners predict. Details between its rays are lost.
+    fn is_smooth(&self) -> bool {
+        false
+    }
 
 /// A named shader. Those of this crate are in [`BUILT_IN`]; a program may add its own, which work wherever these do.
 #[derive(Clone, Copy, Debug)]
