@@ -38,6 +38,7 @@ pub(crate) fn set_program_name(first_argument: &OsStr) {
 
 /// The kind of a failure. Its number is the exit status of the program, see the [module](self).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Kind {
     /// 1: an internal error.
     Fault = 1,
@@ -61,6 +62,7 @@ pub enum Kind {
 /// assert_eq!(e.kind as u8, 2, "the exit status");
 /// ```
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Error {
     /// The kind of failure, which determines the exit status.
     pub kind: Kind,

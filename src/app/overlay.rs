@@ -74,6 +74,7 @@ pub enum Align {
 /// a screen of the usual density.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Mark {
+#[non_exhaustive]
     /// A straight line.
     Line {
         /// Start.

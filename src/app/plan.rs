@@ -82,6 +82,7 @@ impl FlightRequest {
 
 /// An end that a flight can go to.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct PlanEnd {
     /// Position, world mm.
     pub at: DVec3,

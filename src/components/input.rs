@@ -15,6 +15,7 @@ use crate::dynamics::hand;
 /// A direct control command of the operator. The operator system applies it in the step for which it is due.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum HandCommand {
     /// Pushes along the view's right, up and forward axes, each −1 to 1, until the next `Push`.
     Push([f64; 3]),
@@ -38,6 +39,7 @@ pub enum HandCommand {
 /// The flight executes it immediately or refuses it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
+#[non_exhaustive]
 pub enum FlightCommand {
     /// Switches to another guide.
     Guide(String),
@@ -72,6 +74,7 @@ pub enum FlightCommand {
 /// A command of the operator, as recorded and replayed. In a file, only the name distinguishes the two kinds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
+#[non_exhaustive]
 pub enum Command {
     /// Direct control.
     Hand(HandCommand),

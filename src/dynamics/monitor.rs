@@ -45,6 +45,7 @@ impl MonitorSettings {
 
 /// How a flight fails to make progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum StallKind {
     /// It hangs in place.
     Stuck,

@@ -44,6 +44,7 @@ const NOTE_MM: f64 = 2.0;
 
 /// What the flight should do next.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum RescueAction {
     /// Nothing: all is well, or a recovery is under way.
     GoOn,

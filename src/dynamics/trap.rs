@@ -7,6 +7,7 @@ use super::monitor::StallKind;
 
 /// A kind of trap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Trap {
     /// The lumen is closed ahead.
     BlindEnd,

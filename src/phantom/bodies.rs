@@ -13,6 +13,7 @@ use super::{Content, Phantom, Size};
 
 /// What a body of gas is in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum BodyKind {
     /// A segment of the colon.
     #[serde(rename = "colon")]

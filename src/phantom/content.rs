@@ -15,6 +15,7 @@ use crate::volume::Grid;
 
 /// What a position is in. A boundary is the middle of a wall's blur, where gas ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
 pub enum Content {
     /// Tissue, fat or bone, or the table.
     Tissue,

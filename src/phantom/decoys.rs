@@ -20,6 +20,7 @@ const PATCH_MM: f64 = 2.0;
 /// Kind of a decoy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum DecoyKind {
     /// A short and stubby fold, or a fold whose edge is thickened on one side.
     FoldTip,

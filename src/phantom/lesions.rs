@@ -12,6 +12,7 @@ const JOINT_MM: f64 = 2.0;
 /// Shape of a polyp.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum PolypShape {
     /// A ball, or nearly, that grows on the surface.
     #[default]

@@ -24,6 +24,7 @@ const SURE: f64 = 0.7;
 /// What a lesion looks like.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Form {
     /// It stands on the wall.
     Sessile,

@@ -49,6 +49,7 @@ pub struct Colon<'a> {
 
 /// A place that may be a polyp.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Candidate {
     /// Where it is: a place on the wall, world, mm LPS.
     pub position: DVec3,
@@ -65,7 +66,7 @@ impl Candidate {
     }
 }
 
-/// A method that finds polyps.
+/// A method that finds polyps. Build one on [`Detector::BASE`], so that your code also compiles with later fields.
 #[derive(Clone, Copy, Debug)]
 pub struct Detector {
     /// Its name, for `--detector`.
@@ -74,6 +75,11 @@ pub struct Detector {
     pub summary: &'static str,
     /// Returns the candidates in a colon, in any order. Their places must be on its wall. The same colon must give the same candidates on any number of threads.
     pub find: fn(&Colon<'_>, &Progress) -> Result<Vec<Candidate>>,
+}
+
+impl Detector {
+    /// A detector that finds nothing. Use it as the base of others: `..Detector::BASE`.
+    pub const BASE: Self = Self { name: "", summary: "", find: |_, _| Ok(Vec::new()) };
 }
 
 /// Runs a detector. Returns its candidates with the best first, one for each place.

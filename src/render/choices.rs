@@ -22,6 +22,7 @@ use crate::error::{Error, Result};
 /// How rays skip empty space. All variants produce the same pictures bit for bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Leaping {
     /// Looks at every sample.
     None,
@@ -37,6 +38,7 @@ pub enum Leaping {
 /// The source of the regressions at a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum GradientSource {
     /// Computes each sample's regression directly, as one sum over the 64 voxels around it: regression and
     /// interpolation are both linear.
@@ -53,6 +55,7 @@ pub enum GradientSource {
 /// The method for low detail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum LowDetail {
     /// A sample takes the nearest voxel's data, as in the paper.
     Nearest,

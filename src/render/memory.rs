@@ -2,6 +2,7 @@
 
 /// A part of the memory that a renderer keeps beside the 16-bit voxels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum MemoryPart {
     /// The homogeneous-region flags and bricks of the prepared volume (`flags`).
     Flags,

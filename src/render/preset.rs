@@ -18,7 +18,7 @@ use crate::volume::Volume;
 /// everywhere that these do.
 ///
 /// The quality `reference` is the same for all presets of this crate, and `adaptive` for all presets: see
-/// [`renderer`](super::renderer()).
+/// [`renderer`](super::renderer()). Build a preset on [`Preset::BASE`], so that your code also compiles with later fields.
 #[derive(Clone, Copy, Debug)]
 pub struct Preset {
     /// The name on the command line and in scene files. Presets with the same name are equal.
@@ -41,6 +41,10 @@ pub struct Preset {
 }
 
 impl Preset {
+    /// The default renderer without a name, for scenes that choose none of its techniques. Use it as the base of others: `..Preset::BASE`.
+    pub const BASE: Self =
+        Self { name: "", summary: "", memory: "", takes: super::choices::none, ..super::presets::standard::PRESET };
+
     /// Checks that the preset supports the settings, and that these are in range.
     ///
     /// # Errors

@@ -7,6 +7,7 @@ use super::shaders::ShaderModel;
 
 /// The level of detail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Quality {
     /// Trilinear values and interpolated regressions, with empty space skipped.
     #[default]
@@ -20,6 +21,7 @@ pub enum Quality {
 
 /// The value that opacity is looked up by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Classification {
     /// The sampled HU: the trilinearly interpolated value.
     #[default]

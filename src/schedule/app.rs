@@ -22,6 +22,7 @@ use crate::{output, panics};
 
 /// A slot that exactly one plugin may fill.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Slot {
     /// The guide.
     Guide,

@@ -159,6 +159,7 @@ pub(super) fn take_notes() -> Vec<(String, String)> {
 
 /// Run time of a plug-in.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct PluginTime {
     /// Name of the plug-in.
     pub name: String,

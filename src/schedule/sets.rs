@@ -8,6 +8,7 @@ use bevy_ecs::prelude::*;
 /// touch the same data in a way that depends on their order; otherwise the schedule does not build. The exception is
 /// `PostProcess`, where systems run in the order in which they were added.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum FlightSystems {
     /// Applies operator input: push, look, pause.
     Input,

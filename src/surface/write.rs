@@ -18,6 +18,7 @@ const NEAR_MM: f64 = 32_768.0;
 
 /// The file format of a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum MeshFormat {
     /// Binary STL: triangles with their normals; vertices are not shared.
     Stl,

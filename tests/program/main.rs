@@ -10,6 +10,7 @@ mod examples;
 mod extremes;
 mod layers;
 mod leftovers;
+mod outside;
 mod paper_table;
 mod planners;
 mod plugging;

@@ -118,6 +118,7 @@ impl<'a> Counted<'a> {
 /// The available methods, named as in scene files.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Integrator {
     /// For comparison only: unstable without drag.
     ExplicitEuler,

@@ -113,6 +113,7 @@ pub enum End {
 
 /// The method that finds the line. Its name appears on the command line, in scene files and in `explain`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[non_exhaustive]
 pub enum CenterlineMethod {
     /// The shortest path over the lumen's cells that keeps away from walls, tightened and moved to the lumen's axis.
     #[default]

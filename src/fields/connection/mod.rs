@@ -37,6 +37,7 @@ const SNAP_MM: f64 = 5.0;
 /// What a stretch leads through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum StretchKind {
     /// A segment of gas: what is flown.
     Gas,

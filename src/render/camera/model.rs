@@ -86,7 +86,7 @@ impl PartialEq for dyn Camera {
 }
 
 /// A named kind of camera: models of the same name and settings are equal. Those of this crate are in
-/// [`BUILT_IN`](super::BUILT_IN).
+/// [`BUILT_IN`](super::BUILT_IN). Build one on [`CameraModel::BASE`], so that your code also compiles with later fields.
 #[derive(Clone, Copy, Debug)]
 pub struct CameraModel {
     /// Its name on the command line and in scene files.
@@ -116,6 +116,9 @@ const LEAST_DEGREES: f64 = 1.0;
 const MOST_PERSPECTIVE_DEGREES: f64 = 170.0;
 
 impl CameraModel {
+    /// A perspective camera without a name. Use it as the base of others: `..CameraModel::BASE`.
+    pub const BASE: Self = Self { name: "", summary: "", ..super::perspective::MODEL };
+
     /// Creates the camera for a view angle, degrees over the image's shorter side, and for an image's width divided by
     /// its height.
     ///

@@ -21,6 +21,7 @@ pub const BUILT_IN: [ShaderModel; 1] = [headlight::MODEL];
 
 /// A point of the wall where a ray from the camera meets it.
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct SurfacePoint {
     /// Position, world, mm.
     pub position: DVec3,
@@ -56,7 +57,6 @@ impl SurfacePoint {
 pub trait Shader: Send + Sync + Debug {
     /// Returns red, green and blue of a point as shown, 0 to 1 each. NaN counts as 0.
     fn colour(&self, point: &SurfacePoint) -> Vec3;
-}
 
     /// True if colours vary smoothly along a smooth wall: no texture, lines or steps. It must always return the same.
     ///
@@ -66,8 +66,11 @@ pub trait Shader: Send + Sync + Debug {
     fn is_smooth(&self) -> bool {
         false
     }
+}
 
 /// A named shader. Those of this crate are in [`BUILT_IN`]; a program may add its own, which work wherever these do.
+///
+/// Build one on [`ShaderModel::BASE`], so that your code also compiles with later fields.
 #[derive(Clone, Copy, Debug)]
 pub struct ShaderModel {
     /// Its name in scene files, `[render] shade = "…"`. Shaders of the same name are equal if their settings are.
@@ -95,6 +98,9 @@ impl Default for ShaderModel {
 }
 
 impl ShaderModel {
+    /// The headlight without a name. Use it as the base of others: `..ShaderModel::BASE`.
+    pub const BASE: Self = Self { name: "", summary: "", ..headlight::MODEL };
+
     /// Returns the shader; `None` if it is the one built into the renderers.
     pub(super) fn own(&self) -> Option<Arc<dyn Shader>> {
         if self.name == headlight::MODEL.name { None } else { self.shader().ok() }

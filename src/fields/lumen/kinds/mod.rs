@@ -16,6 +16,7 @@ pub use rules::{Chain, RULES, Rule, judge};
 
 /// The kind of a body of gas.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+#[non_exhaustive]
 pub enum GasKind {
     /// Colon.
     #[serde(rename = "colon")]

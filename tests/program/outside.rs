@@ -1,0 +1,39 @@
+//! What users of the library rely on: bases that keep their code compiling.
+
+use std::sync::Arc;
+
+use colvis::app::{Catalog, Scene};
+use colvis::cli::Program;
+use colvis::polyps::{Colon, Detector, Wall};
+use colvis::progress::Progress;
+use colvis::render::{CameraModel, Preset, Settings, ShaderModel};
+use colvis::schedule::Look;
+use colvis::volume::{Grid, Volume};
+use glam::{DMat3, DVec3};
+
+/// An entry that only has a name does what its base does.
+#[test]
+fn a_base_with_a_name_is_a_plug_in() {
+    let camera = CameraModel { name: "own camera", ..CameraModel::BASE };
+    let shader = ShaderModel { name: "own shader", ..ShaderModel::BASE };
+    let preset = Preset { name: "own preset", ..Preset::BASE };
+    let look = Look { name: "own look", ..Look::BASE };
+    let detector = Detector { name: "own detector", ..Detector::BASE };
+    Program::default().camera(camera).shader(shader).preset(preset).look(look).detector(detector).check().unwrap();
+    assert!(camera.camera(90.0, 1.0).unwrap().tangent().is_some(), "perspective");
+    preset.supports(&Settings { shader, ..Settings::default() }).unwrap();
+    let text =
+        "plugins = [\"path\"]\n[render]\nshade = \"own shader\"\ncamera = \"own camera\"\n[view]\nlook = \"own look\"";
+    Scene::parse(text, &Catalog::default().camera(camera).shader(shader).look(look)).unwrap();
+    let techniques = format!("{text}\npreset = \"own preset\"").replace("[view]", "gradients = \"cached\"\n[view]");
+    assert!(Scene::parse(&techniques, &Catalog::default().preset(preset)).is_err(), "it has no techniques to choose");
+
+    let grid = Grid::new([12; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+    let gas = |n: usize| [n % 12, n / 12 % 12, n / 144].iter().all(|c| (3..9).contains(c));
+    let volume = Volume::try_new(grid.clone(), (0..grid.len()).map(|n| if gas(n) { -1000 } else { 50 }).collect());
+    let (volume, progress) = (Arc::new(volume.unwrap()), Progress::new());
+    let lumen = colvis::fields::lumen::find(&volume, &progress).unwrap();
+    let wall = Wall::new(&volume, &lumen, -650.0, &progress).unwrap();
+    let colon = Colon { volume: &volume, lumen: &lumen, wall: &wall };
+    assert!(colvis::polyps::find(&detector, &colon, &progress).unwrap().is_empty());
+}
