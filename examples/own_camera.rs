@@ -6,18 +6,17 @@
 use std::sync::Arc;
 
 use colvis::error::Error;
-use colvis::render::Options;
+use colvis::glam::{DVec2, DVec3};
 use colvis::render::camera::{Camera, CameraModel, CameraRay, Origins};
-use glam::{DVec2, DVec3};
 
 const MODEL: CameraModel = CameraModel {
     name: "orthographic",
     summary: "parallel rays; --fov is the height that the image shows, mm",
-    options: Options::NONE,
     make: |mm, _, _| match mm {
         mm if mm.is_finite() && mm > 0.0 => Ok(Arc::new(Orthographic { half_mm: 0.5 * mm })),
         _ => Err(Error::usage("height", format!("{mm} mm is not above 0"), "give millimetres")),
     },
+    ..CameraModel::BASE
 };
 
 /// The image's shorter side shows twice `half_mm`.

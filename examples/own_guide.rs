@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release --example own_guide -- fly --guide downhill` (also `explain`, `--help`, key 5 in the window)
 
-use bevy_ecs::prelude::*;
+use colvis::bevy_ecs::{self, prelude::*};
 use colvis::components::camera::{Body, Pose};
 use colvis::components::guide::GuideThrust;
 use colvis::components::scan::TargetDistances;

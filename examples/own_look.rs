@@ -3,11 +3,11 @@
 //!
 //! `cargo run --release --example own_look -- fly --scene F.toml`, where the scene has `[view]` with `look = "swinging"`.
 
-use bevy_ecs::prelude::*;
+use colvis::bevy_ecs::prelude::*;
 use colvis::components::clock::Clock;
 use colvis::components::guide::GuideThrust;
+use colvis::glam::{DQuat, DVec3};
 use colvis::schedule::{FlightSystems, Look};
-use glam::{DQuat, DVec3};
 
 const LOOK: Look = Look {
     name: "swinging",
@@ -22,6 +22,7 @@ const LOOK: Look = Look {
         });
         Ok(())
     },
+    ..Look::BASE
 };
 
 fn main() -> std::process::ExitCode {

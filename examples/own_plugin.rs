@@ -5,8 +5,8 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use bevy_ecs::prelude::*;
 use colvis::app::{Canvas, FlightApp, Overlay};
+use colvis::bevy_ecs::{self, prelude::*};
 use colvis::components::camera::Contact;
 use colvis::error::Result;
 use colvis::render::Options;

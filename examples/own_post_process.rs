@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release --example own_post_process` (also `-- fly --headless --record film.gif`)
 
-use bevy_ecs::prelude::*;
+use colvis::bevy_ecs::prelude::*;
 use colvis::components::output::Picture;
 use colvis::error::Result;
 use colvis::schedule::{App, FlightSystems};

@@ -3,7 +3,6 @@
 //! `cargo run --release --example own_renderer -- fly --preset distance` (also `render`, `explain`, scene files)
 
 use colvis::render::choices;
-use colvis::render::presets::standard;
 use colvis::render::{Frame, MemoryPart, PreparedVolume, Preset, Renderer, View, Work, first_crossing};
 use rayon::prelude::*;
 
@@ -13,7 +12,7 @@ const DISTANCE: Preset = Preset {
     memory: "nothing",
     takes: choices::none,
     make: |volume, _, _| Box::new(Distance(volume.clone())),
-    ..standard::PRESET
+    ..Preset::BASE
 };
 
 /// Distances from here on are black, mm.

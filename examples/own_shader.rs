@@ -6,12 +6,12 @@
 use std::sync::Arc;
 
 use colvis::error::{Error, Result};
+use colvis::glam::Vec3;
 use colvis::render::shaders::headlight::tissue;
 use colvis::render::{Options, Shader, ShaderModel, SurfacePoint};
-use glam::Vec3;
 
 const LAMP: ShaderModel =
-    ShaderModel { name: "lamp", summary: "a lamp at the camera, and wet mucosa", options: Options::NONE, make: lamp };
+    ShaderModel { name: "lamp", summary: "a lamp at the camera, and wet mucosa", make: lamp, ..ShaderModel::BASE };
 
 /// The shader's settings. At `reach_mm` half of the light is left.
 #[derive(Debug, serde::Deserialize)]

@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release --example own_view` (also `-- fly --headless --record film.gif`)
 
-use bevy_ecs::prelude::*;
+use colvis::bevy_ecs::{self, prelude::*};
 use colvis::components::output::{Follows, Picture};
 use colvis::error::Result;
 use colvis::render::Frame;

@@ -5,8 +5,9 @@
 
 use colvis::app::{FlightRequest, Scan, Scene};
 use colvis::error::{Error, Result};
+use colvis::glam::DVec3;
 use colvis::render::{Frame, Preset, Reuse, Settings, View, renderer};
-use glam::DVec3;
+use colvis::serde_json;
 
 /// Position (mm), forward and up, in world coordinates.
 type Pose = [DVec3; 3];

@@ -1,12 +1,12 @@
 //! A system, and its headless test in a world with known distances: `cargo test --example test_one_system`, or run it.
 
-use bevy_ecs::prelude::*;
+use colvis::bevy_ecs::{self, prelude::*};
 use colvis::components::camera::{Pose, Velocity};
 use colvis::components::scan::Walls;
 use colvis::error::Result;
+use colvis::glam::DVec3;
 use colvis::schedule::{App, FlightSystems, Main};
 use colvis::testing::{Room, TestApp, digest};
-use glam::DVec3;
 
 /// The system under test: warns while the camera would reach the wall within half a second.
 #[derive(Component, Default, Debug, PartialEq)]

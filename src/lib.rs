@@ -155,3 +155,14 @@ pub use egui;
 /// Panels: the parts of the window, each in its own file.
 #[cfg(feature = "window")]
 pub use host::window::panels as panel;
+/// The entity-component-system of flights, of which systems, components and resources are made.
+///
+/// Its derive macros look for `bevy_ecs` where they are used: `use colvis::bevy_ecs::{self, prelude::*};`.
+pub use bevy_ecs;
+/// Vectors, matrices and quaternions.
+pub use glam;
+/// Values of JSON files, as in the statistics of flights.
+pub use serde_json;
+/// Values of scene files, as in [`render::Options`].
+pub use toml;
+

@@ -1,15 +1,16 @@
-//! What users of the library rely on: bases that keep their code compiling.
+//! What users of the library rely on: bases that keep their code compiling, and re-exported crates.
 
+use std::fs::read_to_string;
 use std::sync::Arc;
 
 use colvis::app::{Catalog, Scene};
 use colvis::cli::Program;
+use colvis::glam::{DMat3, DVec3};
 use colvis::polyps::{Colon, Detector, Wall};
 use colvis::progress::Progress;
 use colvis::render::{CameraModel, Preset, Settings, ShaderModel};
 use colvis::schedule::Look;
 use colvis::volume::{Grid, Volume};
-use glam::{DMat3, DVec3};
 
 /// An entry that only has a name does what its base does.
 #[test]
@@ -36,4 +37,23 @@ fn a_base_with_a_name_is_a_plug_in() {
     let wall = Wall::new(&volume, &lumen, -650.0, &progress).unwrap();
     let colon = Colon { volume: &volume, lumen: &lumen, wall: &wall };
     assert!(colvis::polyps::find(&detector, &colon, &progress).unwrap().is_empty());
+}
+
+/// Examples name crates in public signatures by the library's re-exports, and fill entries on their bases.
+#[test]
+fn examples_need_no_other_versions_and_no_later_fields() {
+    for example in std::fs::read_dir("examples").unwrap() {
+        let path = example.unwrap().path();
+        let text = read_to_string(&path).unwrap();
+        for line in text.lines().filter(|l| l.starts_with("use ")) {
+            let own = ["bevy_ecs", "glam", "serde_json", "toml", "egui"]
+                .iter()
+                .find(|c| line.starts_with(&format!("use {c}")));
+            assert_eq!(own, None, "{}: {line}", path.display());
+        }
+        for entry in ["CameraModel", "ShaderModel", "Preset", "Look", "Detector", "Overlay", "PanelEntry"] {
+            let literals = text.matches(&format!("{entry} {{")).count();
+            assert_eq!(text.matches(&format!("..{entry}::")).count(), literals, "{}: {entry}", path.display());
+        }
+    }
 }
