@@ -51,6 +51,78 @@
 //! Frames and units: *world* is the patient's frame in millimetres, LPS (x to the patient's left, y to posterior, z to superior).
 //! *Voxel* coordinates are fractional indices; an integer index is a voxel's centre. Values are in Hounsfield units.
 //!
+//! # Features
+//!
+//! | feature | what it adds | without it |
+//! |---|---|---|
+//! | `window` (default) | the interactive window, the modules `panel` and `egui` | every flight is headless, and recordings contain no overlays |
+//! | `dicom` (default) | DICOM series and their codecs | NIfTI, MetaImage, NRRD and PNG slices are still read |
+//!
+//! # Extend it
+//!
+//! Every extension is one value or type, added to a program of your own with one call to [`cli::Program`]. It then appears on the
+//! command line, in scene files, among the keys and in the help. The examples are complete programs of less than 60 lines.
+//!
+//! | what | with what | added by | example | those of this crate |
+//! |---|---|---|---|---|
+//! | a guide | [`schedule::Guide`] | [`Program::guide`](cli::Program::guide) | `examples/own_guide.rs` | `systems/` |
+//! | where the camera looks | [`schedule::Look`] | [`Program::look`](cli::Program::look) | `examples/own_look.rs` | `systems/looks/` |
+//! | a renderer | [`render::Preset`], [`render::Renderer`] | [`Program::preset`](cli::Program::preset) | `examples/own_renderer.rs` | `src/render/presets/` |
+//! | a camera model | [`render::CameraModel`], [`render::Camera`] | [`Program::camera`](cli::Program::camera) | `examples/own_camera.rs` | `src/render/camera/` |
+//! | a shader | [`render::ShaderModel`], [`render::Shader`] | [`Program::shader`](cli::Program::shader) | `examples/own_shader.rs` | `src/render/shaders/` |
+//! | an overlay | [`app::Overlay`] | [`Program::overlay`](cli::Program::overlay) | `examples/own_overlay.rs` | `src/app/overlays/` |
+//! | a panel | `panel::Panel`, `panel::PanelEntry` | `Program::panel` | `examples/own_panel.rs` | `src/host/window/panels/` |
+//! | a view | [`components::output::Picture`] | [`app::Views::add`], a plug-in | `examples/own_view.rs` | |
+//! | a post-process | a system in [`PostProcess`](schedule::FlightSystems::PostProcess) | a plug-in | `examples/own_post_process.rs` | |
+//! | systems, with settings and state | [`schedule::Plugin`] | [`Program::plugin`](cli::Program::plugin) | `examples/own_plugin.rs`, `examples/test_one_system.rs` | `systems/` |
+//! | a polyp detector | [`polyps::Detector`] | [`Program::detector`](cli::Program::detector) | `examples/own_detector.rs` | `src/polyps/detectors/` |
+//! | a command | `clap::Args`, [`cli::Session`] | [`Program::command`](cli::Program::command) | `examples/own_command.rs` | `src/cli/` |
+//!
+//! Entries such as [`render::CameraModel`] are filled on a base: `CameraModel { name: "wide", make, ..CameraModel::BASE }`. So they
+//! also compile with later fields. Types of other crates in public signatures are re-exported, so that versions always match:
+//! [`bevy_ecs`], [`glam`], [`serde_json`], [`toml`], [`cli::clap`]. A plug-in that needs nothing else:
+//!
+//! ```
+//! use colvis::app::{FlightRequest, Scan, Scene};
+//! use colvis::bevy_ecs::{self, prelude::*};
+//! use colvis::components::camera::Pose;
+//! use colvis::glam::DVec3;
+//! use colvis::schedule::{App, FlightSystems, Main};
+//!
+//! /// The flight's highest place.
+//! #[derive(Resource, Default)]
+//! struct Highest(DVec3);
+//!
+//! fn watch(pose: Single<&Pose, With<Main>>, mut highest: ResMut<Highest>) {
+//!     highest.0 = if pose.position.z > highest.0.z { pose.position } else { highest.0 };
+//! }
+//!
+//! fn plug(app: &mut App) -> colvis::error::Result<()> {
+//!     app.world.insert_resource(Highest(DVec3::splat(f64::NEG_INFINITY)));
+//!     app.add_systems(FlightSystems::Watch, watch);
+//!     Ok(())
+//! }
+//!
+//! let scene = Scene::default().plug(("highest", plug))?;
+//! let mut flight = Scan::phantom(1)?.flight(scene, &FlightRequest::default())?;
+//! flight.fly(0.1)?;
+//! assert!(flight.app().world.resource::<Highest>().0.is_finite());
+//! # Ok::<(), colvis::error::Error>(())
+//! ```
+//!
+//! # Build it quickly
+//!
+//! Cargo takes profiles from the program that is built, never from a dependency. These lines in your `Cargo.toml` optimise what works
+//! hard in a flight and let the rest build quickly. For `--release` replace `dev` by `release`.
+//!
+//! ```toml
+//! [profile.dev.package]
+//! "*" = { opt-level = 1, debug = false }
+//! colvis = { opt-level = 3, debug = false }
+//! bevy_ecs = { opt-level = 3, debug = false }
+//! zlib-rs = { opt-level = 3, debug = false }
+//! ```
+//!
 //! # Glossary
 //!
 //! The colon and its scan:
@@ -149,12 +221,6 @@ pub mod volume;
 #[path = "../systems/mod.rs"]
 pub mod systems;
 
-/// The GUI library of the window's panels.
-#[cfg(feature = "window")]
-pub use egui;
-/// Panels: the parts of the window, each in its own file.
-#[cfg(feature = "window")]
-pub use host::window::panels as panel;
 /// The entity-component-system of flights, of which systems, components and resources are made.
 ///
 /// Its derive macros look for `bevy_ecs` where they are used: `use colvis::bevy_ecs::{self, prelude::*};`.
@@ -166,3 +232,9 @@ pub use serde_json;
 /// Values of scene files, as in [`render::Options`].
 pub use toml;
 
+/// The GUI library of the window's panels.
+#[cfg(feature = "window")]
+pub use egui;
+/// Panels: the parts of the window, each in its own file.
+#[cfg(feature = "window")]
+pub use host::window::panels as panel;

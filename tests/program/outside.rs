@@ -1,6 +1,7 @@
 //! What users of the library rely on: bases that keep their code compiling, and re-exported crates.
 
 use std::fs::read_to_string;
+use std::path::Path;
 use std::sync::Arc;
 
 use colvis::app::{Catalog, Scene};
@@ -10,6 +11,7 @@ use colvis::polyps::{Colon, Detector, Wall};
 use colvis::progress::Progress;
 use colvis::render::{CameraModel, Preset, Settings, ShaderModel};
 use colvis::schedule::Look;
+use colvis::toml;
 use colvis::volume::{Grid, Volume};
 
 /// An entry that only has a name does what its base does.
@@ -55,5 +57,25 @@ fn examples_need_no_other_versions_and_no_later_fields() {
             let literals = text.matches(&format!("{entry} {{")).count();
             assert_eq!(text.matches(&format!("..{entry}::")).count(), literals, "{}: {entry}", path.display());
         }
+    }
+}
+
+/// The profile to copy is the same in both places and names packages that there are.
+#[test]
+fn the_profile_for_dependents_names_packages_of_this_build() {
+    let block = |path: &str, comment: &str| {
+        let text = read_to_string(Path::new(path)).unwrap();
+        let lines = text.lines().map(|l| l.strip_prefix(comment).unwrap_or(l).to_owned());
+        let lines = lines.skip_while(|l| l != "[profile.dev.package]").take_while(|l| l != "```");
+        lines.collect::<Vec<_>>().join("\n")
+    };
+    let profile = block("README.md", "");
+    assert_eq!(profile, block("src/lib.rs", "//! "));
+    let table: toml::Table = profile.parse().unwrap();
+    let packages = table["profile"]["dev"]["package"].as_table().unwrap();
+    let lock = read_to_string("Cargo.lock").unwrap();
+    assert!(packages.contains_key("colvis") && packages.contains_key("*"));
+    for name in packages.keys().filter(|n| *n != "*") {
+        assert!(lock.contains(&format!("name = \"{name}\"")), "{name}");
     }
 }
