@@ -12,7 +12,8 @@ use crate::schedule::book_time;
 
 /// A drawing that a window adds on top of its picture, toggled by a key.
 ///
-/// Recorded and rendered images contain no overlays. `examples/own_overlay.rs` is a complete example.
+/// A recording contains the overlays that `fly --overlay` names, in a build with the feature `window`. Screenshots and rendered
+/// images contain none. `examples/own_overlay.rs` is a complete example.
 #[derive(Clone, Copy)]
 pub struct Overlay {
     /// Its name.
@@ -73,8 +74,8 @@ pub enum Align {
 /// A drawing primitive. Positions and radii are in pixels. Widths of lines and sizes of text are in points, which equal pixels on
 /// a screen of the usual density.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Mark {
 #[non_exhaustive]
+pub enum Mark {
     /// A straight line.
     Line {
         /// Start.

@@ -72,14 +72,15 @@ pub use own::Session;
 /// | [`preset`](Self::preset) | a renderer | `--preset`, `[render] preset` |
 /// | [`camera`](Self::camera) | a camera model | `--camera`, `[render] camera` |
 /// | [`shader`](Self::shader) | shading of the wall | `[render] shade` |
+/// | [`look`](Self::look) | where the camera looks | `[view] look` |
 /// | [`overlay`](Self::overlay) | marks over the picture | its key, `fly --overlay` |
 /// | `panel` | a part of the window | its key, the menu |
 /// | [`detector`](Self::detector) | a method that finds polyps | `--detector` of `candidates` and `fly`, `report candidates` |
 /// | [`plugin`](Self::plugin) | systems, views, post-processes | every flight |
 /// | [`command`](Self::command) | a command | its name |
 ///
-/// Each of the first six may have settings in a scene file, in a table with its name (`[overlay.NAME]` for an overlay). Duplicate
-/// names and keys are refused when the program runs.
+/// Guides, presets, cameras, shaders, overlays and plug-ins may have settings in a scene file, in a table with their name
+/// (`[overlay.NAME]` for an overlay). Duplicate names and keys are refused when the program runs.
 #[derive(Clone, Debug, Default)]
 pub struct Program {
     catalog: Catalog,

@@ -1,4 +1,5 @@
-//! What users of the library rely on: bases that keep their code compiling, and re-exported crates.
+//! What users of the library rely on: bases that keep their code compiling, re-exported crates, and documents that say the same as
+//! the code.
 
 use std::fs::read_to_string;
 use std::path::Path;
@@ -10,7 +11,7 @@ use colvis::glam::{DMat3, DVec3};
 use colvis::polyps::{Colon, Detector, Wall};
 use colvis::progress::Progress;
 use colvis::render::{CameraModel, Preset, Settings, ShaderModel};
-use colvis::schedule::Look;
+use colvis::schedule::{FlightSystems, Look};
 use colvis::toml;
 use colvis::volume::{Grid, Volume};
 
@@ -57,6 +58,60 @@ fn examples_need_no_other_versions_and_no_later_fields() {
             let literals = text.matches(&format!("{entry} {{")).count();
             assert_eq!(text.matches(&format!("..{entry}::")).count(), literals, "{}: {entry}", path.display());
         }
+    }
+}
+
+/// Returns the names in backticks of a table's first column, under the heading `| head |`.
+fn first_column(text: &str, head: &str) -> Vec<String> {
+    let rows = text.lines().map(|l| l.trim_start_matches("/// ").trim_start_matches("//! "));
+    let rows = rows.skip_while(|l| !l.starts_with(head)).skip(2).take_while(|l| l.starts_with('|'));
+    let cells = rows.map(|row| row.split('|').nth(1).unwrap_or_default().to_owned());
+    cells.flat_map(|cell| cell.split('`').skip(1).step_by(2).map(str::to_owned).collect::<Vec<_>>()).collect()
+}
+
+#[test]
+fn documents_list_every_set_in_order() {
+    let names = |sets: &[FlightSystems]| sets.iter().map(|s| format!("{s:?}")).collect::<Vec<_>>();
+    let (step, frame) = (names(&FlightSystems::STEP), names(&FlightSystems::FRAME));
+    let text = read_to_string("ARCHITECTURE.md").unwrap();
+    for (phase, sets) in [("step", &step), ("frame", &frame)] {
+        let line = text.lines().find(|l| l.trim_start().starts_with(&format!("{phase} "))).unwrap();
+        let drawn: Vec<&str> = line.trim_start().trim_start_matches(phase).split('►').map(str::trim).collect();
+        assert_eq!(&drawn, sets, "the diagram of a {phase}");
+    }
+    assert_eq!(first_column(&text, "| set |"), [step.clone(), frame.clone()].concat(), "the table of sets");
+    // The table of the systems' files, by set.
+    let modules = read_to_string("systems/mod.rs").unwrap();
+    for row in modules.lines().filter_map(|l| l.strip_prefix("//! | `")) {
+        let sets: Vec<&str> = row.split('|').nth(1).unwrap().split('`').skip(1).step_by(2).collect();
+        assert!(!sets.is_empty() && sets.iter().all(|s| step.iter().chain(&frame).any(|n| n == s)), "{row}");
+    }
+}
+
+#[test]
+fn the_tables_of_extensions_list_every_method_of_a_program() {
+    let text = read_to_string("src/cli/mod.rs").unwrap();
+    let program = text.split("\nimpl Program {").nth(1).unwrap().split("\n}").next().unwrap();
+    // Methods that take the program and return it.
+    let methods: Vec<&str> = program
+        .split("    #[must_use]\n")
+        .skip(1)
+        .filter_map(|m| Some(m.split_once("pub fn ")?.1.split(['(', '<']).next()?))
+        .collect();
+    assert!(methods.len() > 8, "{methods:?}");
+    let mut listed = first_column(&text, "| method |");
+    let mut sorted = methods.clone();
+    listed.sort();
+    sorted.sort();
+    assert_eq!(listed, sorted, "the docs of `Program`");
+    let front = read_to_string("src/lib.rs").unwrap();
+    for method in methods {
+        assert!(front.contains(&format!("`Program::{method}`")), "the front page does not list {method}");
+    }
+    for example in std::fs::read_dir("examples").unwrap() {
+        let name = example.unwrap().file_name().into_string().unwrap();
+        let shown = front.contains(&format!("`examples/{name}`"));
+        assert!(shown || !name.starts_with("own_"), "the front page does not list {name}");
     }
 }
 
