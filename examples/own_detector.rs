@@ -7,8 +7,7 @@ use colvis::error::Result;
 use colvis::polyps::{Candidate, Colon, Detector};
 use colvis::progress::Progress;
 
-const ROUND: Detector =
-    Detector { name: "round", summary: "where the wall is as round as a ball of 3 to 12 mm", find, ..Detector::BASE };
+const ROUND: Detector = Detector::new("round", "where the wall is as round as a ball of 3 to 12 mm", find);
 
 /// Returns the roundest places. The engine keeps the best one within 5 mm and measures nothing that it is not asked for.
 fn find(colon: &Colon<'_>, progress: &Progress) -> Result<Vec<Candidate>> {

@@ -9,21 +9,16 @@ use colvis::components::guide::GuideThrust;
 use colvis::glam::{DQuat, DVec3};
 use colvis::schedule::{FlightSystems, Look};
 
-const LOOK: Look = Look {
-    name: "swinging",
-    summary: "looks from side to side",
-    plug: |app| {
-        // Turns the guide's direction by up to half a radian, once in three seconds.
-        app.add_systems(FlightSystems::Look, |clock: Res<Clock>, mut guides: Query<&mut GuideThrust>| {
-            let angle = 0.5 * (clock.seconds() * std::f64::consts::TAU / 3.0).sin();
-            for mut guide in &mut guides {
-                guide.look_direction = DQuat::from_axis_angle(DVec3::Z, angle) * guide.look_direction;
-            }
-        });
-        Ok(())
-    },
-    ..Look::BASE
-};
+const LOOK: Look = Look::new("swinging", "looks from side to side", |app| {
+    // Turns the guide's direction by up to half a radian, once in three seconds.
+    app.add_systems(FlightSystems::Look, |clock: Res<Clock>, mut guides: Query<&mut GuideThrust>| {
+        let angle = 0.5 * (clock.seconds() * std::f64::consts::TAU / 3.0).sin();
+        for mut guide in &mut guides {
+            guide.look_direction = DQuat::from_axis_angle(DVec3::Z, angle) * guide.look_direction;
+        }
+    });
+    Ok(())
+});
 
 fn main() -> std::process::ExitCode {
     colvis::cli::Program::default().look(LOOK).run()

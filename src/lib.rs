@@ -78,8 +78,8 @@
 //! | a polyp detector | [`polyps::Detector`] | [`Program::detector`](cli::Program::detector) | `examples/own_detector.rs` | `src/polyps/detectors/` |
 //! | a command | `clap::Args`, [`cli::Session`] | [`Program::command`](cli::Program::command) | `examples/own_command.rs` | `src/cli/` |
 //!
-//! Entries such as [`render::CameraModel`] are filled on a base: `CameraModel { name: "wide", make, ..CameraModel::BASE }`. So they
-//! also compile with later fields. Types of other crates in public signatures are re-exported, so that versions always match:
+//! Entries such as [`render::CameraModel`] are filled on a base, `CameraModel { name: "wide", make, ..CameraModel::BASE }`, or
+//! created by a function such as [`polyps::Detector::new`]. So they also compile with later fields. Types of other crates in public signatures are re-exported, so that versions always match:
 //! [`bevy_ecs`], [`glam`], [`serde_json`], [`toml`], [`cli::clap`]. A plug-in that needs nothing else:
 //!
 //! ```

@@ -66,7 +66,7 @@ impl Candidate {
     }
 }
 
-/// A method that finds polyps. Build one on [`Detector::BASE`], so that your code also compiles with later fields.
+/// A method that finds polyps. Create one with [`Detector::new`], so that your code also compiles with later fields.
 #[derive(Clone, Copy, Debug)]
 pub struct Detector {
     /// Its name, for `--detector`.
@@ -78,8 +78,14 @@ pub struct Detector {
 }
 
 impl Detector {
-    /// A detector that finds nothing. Use it as the base of others: `..Detector::BASE`.
-    pub const BASE: Self = Self { name: "", summary: "", find: |_, _| Ok(Vec::new()) };
+    /// Creates a detector.
+    pub const fn new(
+        name: &'static str,
+        summary: &'static str,
+        find: fn(&Colon<'_>, &Progress) -> Result<Vec<Candidate>>,
+    ) -> Self {
+        Self { name, summary, find }
+    }
 }
 
 /// Runs a detector. Returns its candidates with the best first, one for each place.

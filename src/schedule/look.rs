@@ -8,8 +8,8 @@ use crate::error::Result;
 /// [`Look::plug`] adds a system to the set [`Look`](super::FlightSystems::Look), which runs after the guide. It reads what the guide
 /// has told about the way (such as [`Planned`](crate::components::guide::Planned)) and writes
 /// [`GuideThrust::look_direction`](crate::components::guide::GuideThrust::look_direction), to which the view then turns with bounded
-/// speed and acceleration and without roll. `examples/own_look.rs` is a complete example. Build one on [`Look::BASE`], so that your
-/// code also compiles with later fields.
+/// speed and acceleration and without roll. `examples/own_look.rs` is a complete example. Create one with [`Look::new`], so
+/// that your code also compiles with later fields.
 #[derive(Clone, Copy, Debug)]
 pub struct Look {
     /// Name in scene files.
@@ -24,6 +24,8 @@ pub struct Look {
 }
 
 impl Look {
-    /// A look that leaves the view where the guide steers. Use it as the base of others: `..Look::BASE`.
-    pub const BASE: Self = Self { name: "", summary: "", plug: |_| Ok(()) };
+    /// Creates a look.
+    pub const fn new(name: &'static str, summary: &'static str, plug: fn(&mut App) -> Result<()>) -> Self {
+        Self { name, summary, plug }
+    }
 }

@@ -21,8 +21,8 @@ fn a_base_with_a_name_is_a_plug_in() {
     let camera = CameraModel { name: "own camera", ..CameraModel::BASE };
     let shader = ShaderModel { name: "own shader", ..ShaderModel::BASE };
     let preset = Preset { name: "own preset", ..Preset::BASE };
-    let look = Look { name: "own look", ..Look::BASE };
-    let detector = Detector { name: "own detector", ..Detector::BASE };
+    let look = Look::new("own look", "", |_| Ok(()));
+    let detector = Detector::new("own detector", "", |_, _| Ok(Vec::new()));
     Program::default().camera(camera).shader(shader).preset(preset).look(look).detector(detector).check().unwrap();
     assert!(camera.camera(90.0, 1.0).unwrap().tangent().is_some(), "perspective");
     preset.supports(&Settings { shader, ..Settings::default() }).unwrap();
@@ -96,7 +96,7 @@ fn the_tables_of_extensions_list_every_method_of_a_program() {
     let methods: Vec<&str> = program
         .split("    #[must_use]\n")
         .skip(1)
-        .filter_map(|m| Some(m.split_once("pub fn ")?.1.split(['(', '<']).next()?))
+        .filter_map(|m| m.split_once("pub fn ")?.1.split(['(', '<']).next())
         .collect();
     assert!(methods.len() > 8, "{methods:?}");
     let mut listed = first_column(&text, "| method |");
