@@ -723,7 +723,7 @@ mod tests {
         use egui::{Color32, FontId, Shape, pos2};
         let egui = egui::Context::default();
         let mut shapes = Vec::new();
-        let text = |ui: &egui::Ui, text: &str, at| {
+        let text = |ui: &Ui, text: &str, at| {
             let galley = ui.painter().layout_no_wrap(text.to_owned(), FontId::proportional(14.0), Color32::WHITE);
             Shape::galley(at, galley, Color32::WHITE)
         };
