@@ -517,7 +517,11 @@ fn keys(program: &Program) -> String {
     let rows = program.key_help().unwrap_or_default();
     let wide = rows.iter().map(|r| r.0.chars().count()).max().unwrap_or(0);
     let lines = rows.iter().map(|(key, what)| format!("  {key:wide$}  {what}\n"));
-    if rows.is_empty() { String::new() } else { format!("Keys in the window:\n{}", lines.collect::<String>()) }
+    if rows.is_empty() {
+        String::new()
+    } else {
+        format!("Keys in the window (by groups: --help keys):\n{}", lines.collect::<String>())
+    }
 }
 
 /// The methods of a centerline, by their short names. The names of scene files work too.

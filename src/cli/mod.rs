@@ -157,6 +157,14 @@ impl Program {
         Ok(Vec::new())
     }
 
+    /// The window's keys by groups, as its list shows them.
+    fn key_page(&self) -> Result<String> {
+        #[cfg(feature = "window")]
+        return crate::host::window::key_page(&self.catalog.guides, &self.catalog.overlays, &self.all_panels());
+        #[cfg(not(feature = "window"))]
+        Err(Error::usage("--help keys", "this build has no window", "build it with the feature window"))
+    }
+
     /// Adds a plug-in to every flight: in the window, headless, in `explain` and in `report scenes`.
     ///
     /// A duplicate name is refused when the program runs.
@@ -206,6 +214,13 @@ impl Program {
     pub fn run_from<T: Into<OsString>>(self, args: impl IntoIterator<Item = T>) -> ExitCode {
         if let Err(e) = self.check() {
             return args::failed(&e);
+        }
+        let args: Vec<OsString> = args.into_iter().map(Into::into).collect();
+        if let [_, help, keys] = &args[..]
+            && ["--help", "-h", "help"].iter().any(|h| help == h)
+            && keys == "keys"
+        {
+            return end(&self.key_page().and_then(|page| print(|out| write!(out, "{page}"))));
         }
         let args = match self.parse(args) {
             Ok(args) => args,

@@ -180,6 +180,18 @@ impl Along {
         Some(AlongColon { segment: segment[n] as usize, mm: mm[n], part, is_guessed: own.is_guessed(mm[n]) })
     }
 
+    /// Returns the point of the line (world, mm) at a distance along it, mm, and the direction towards the cecum there, of unit length;
+    /// `None` if no one line leads from the rectum to the cecum.
+    pub fn point(&self, mm: f64) -> Option<(DVec3, DVec3)> {
+        let Line { line, mm: along, .. } = self.lines.first().filter(|_| self.is_whole() && mm.is_finite())?;
+        let last = along.len().checked_sub(1)?;
+        let n = along.partition_point(|&m| m < mm).min(last);
+        // Over a few points, so that the steps of voxels do not turn the direction.
+        let (a, b) = (n.saturating_sub(3), (n + 3).min(last));
+        let direction = (line.points[b] - line.points[a]).try_normalize()?;
+        Some((line.points[n], direction))
+    }
+
     /// Returns the part of the colon at a distance along the line, mm; `None` if the parts are not known.
     pub fn part(&self, mm: f64) -> Option<Part> {
         self.parts.iter().find(|p| mm <= p.to_mm).or(self.parts.last()).copied()

@@ -467,3 +467,17 @@ fn hints_name_the_program_that_runs() {
     let help = told(&["--help"]);
     assert!(help.contains("Usage: viewer "), "{help}");
 }
+
+/// `--help keys` is the list of keys that the window shows.
+#[cfg(feature = "window")]
+#[test]
+fn the_keys_of_the_window_are_printed() {
+    for help in ["--help", "-h", "help"] {
+        let out = colvis().args([help, "keys"]).output().unwrap();
+        let page = String::from_utf8(out.stdout).unwrap();
+        assert!(out.status.success() && page.starts_with("Steer\n"), "{page}");
+        for line in ["  Space", "Ctrl+Q", "turn round and fly back", "\nCandidates\n", "\nHelp\n"] {
+            assert!(page.contains(line), "{line}: {page}");
+        }
+    }
+}

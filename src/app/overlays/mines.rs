@@ -12,7 +12,7 @@ use crate::space::first_crossing;
 pub const OVERLAY: Overlay = Overlay {
     name: "mines",
     summary: "mines: laid behind the camera",
-    key: Some('m'),
+    key: Some('8'),
     shown: false,
     draw,
     ..Overlay::PLAIN

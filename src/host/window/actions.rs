@@ -70,8 +70,12 @@ pub(crate) struct ActionContext {
 pub(crate) enum WindowRequest {
     /// Toggle full screen.
     Fullscreen,
-    /// Quit the program.
+    /// Quit the program; asks first if something is unfinished.
     Quit,
+    /// Cancel what is under way, or close what covers the window: the innermost of these. Never quits.
+    Cancel,
+    /// Show or hide the list of keys.
+    Help,
     /// Show or hide the list of scans to open.
     Open,
     /// Show or hide the kinds of gas in the slices, and their panel.
@@ -213,7 +217,7 @@ const TABLE: &[Row] = &[
         possible: flies_itself,
         ..once("reverse", "turn round and fly back", "R B Backspace", FlightController::reverse)
     },
-    Row { possible: flies_itself, ..once("next", "fly to the next segment", "N", FlightController::next_segment) },
+    Row { possible: flies_itself, ..once("next", "fly to the next segment", "J", FlightController::next_segment) },
     Row { possible: flies_itself, ..once("other-end", "start from the other end", "E", FlightController::other_end) },
     Row {
         possible: flies_itself,
@@ -226,8 +230,8 @@ const TABLE: &[Row] = &[
         gesture: "click on the bar",
         ..ROW
     },
-    once("detail", "detail: high or low", "L", FlightController::switch_detail),
-    once("light", "light: endoscope or headlight", "I", FlightController::switch_light),
+    once("detail", "detail: high or low", "I", FlightController::switch_detail),
+    once("light", "light: endoscope or headlight", "L", FlightController::switch_light),
     Row { possible: has_both_scans, ..once("tag", "tag: taken out, or as scanned", "X", FlightController::switch_tag) },
     greys("window-colon", "window for the colon", "Ctrl+1", |c, _| c.window(0.0, 2000.0)),
     greys("window-soft", "window for soft tissue", "Ctrl+2", |c, _| c.window(40.0, 400.0)),
@@ -245,7 +249,7 @@ const TABLE: &[Row] = &[
     },
     Row { possible: shows_slices, ..once("slices-reset", "slices: reset", "Ctrl+9", FlightController::reset_slices) },
     Row { effect: Effect::Window(WindowRequest::Open), ..once("open", "open another scan", "Ctrl+O", |_, _| {}) },
-    once("measure", "measure a distance with two clicks, stop measuring", "C", FlightController::switch_measuring),
+    once("measure", "measure a distance with two clicks, stop measuring", "M C", FlightController::switch_measuring),
     Row {
         row: STEP_ROW,
         possible: has_list,
@@ -258,13 +262,13 @@ const TABLE: &[Row] = &[
             c.assist(AssistInput::Step(false), at.now);
         })
     },
-    answer("candidate-yes", "this candidate is a polyp", "Ctrl+Y", |c, at| {
+    answer("candidate-yes", "this candidate is a polyp", "Y Ctrl+Y", |c, at| {
         c.assist(AssistInput::Answer(Answer::Yes), at.now);
     }),
-    answer("candidate-no", "this candidate is no polyp", "Ctrl+N", |c, at| {
+    answer("candidate-no", "this candidate is not a polyp", "N Ctrl+N", |c, at| {
         c.assist(AssistInput::Answer(Answer::No), at.now);
     }),
-    answer("candidate-unsure", "unsure whether this is a polyp", "Ctrl+U", |c, at| {
+    answer("candidate-unsure", "unsure whether this is a polyp", "U Ctrl+U", |c, at| {
         c.assist(AssistInput::Answer(Answer::Unsure), at.now);
     }),
     Row {
@@ -275,7 +279,7 @@ const TABLE: &[Row] = &[
     },
     Row {
         possible: has_list,
-        ..once("measure-lesion", "measure a lesion with one click, stop measuring", "Ctrl+M", |c, at| {
+        ..once("measure-lesion", "measure a lesion with one click, stop measuring", "O Ctrl+M", |c, at| {
             c.assist(AssistInput::Measure, at.now);
         })
     },
@@ -287,34 +291,42 @@ const TABLE: &[Row] = &[
     kind("kind-small-bowel", "this gas is small bowel", "Ctrl+B", |c, at| {
         c.tell_kind(Some(GasKind::SmallBowel), at.now);
     }),
-    kind("kind-stomach", "this gas is stomach", "Ctrl+S", |c, at| c.tell_kind(Some(GasKind::Stomach), at.now)),
-    kind("kind-lung", "this gas is lung", "Ctrl+P", |c, at| c.tell_kind(Some(GasKind::Lung), at.now)),
+    kind("kind-stomach", "this gas is stomach", "Ctrl+A", |c, at| c.tell_kind(Some(GasKind::Stomach), at.now)),
+    kind("kind-lung", "this gas is lung", "Ctrl+R", |c, at| c.tell_kind(Some(GasKind::Lung), at.now)),
     kind("kind-trachea", "this gas is trachea", "Ctrl+T", |c, at| c.tell_kind(Some(GasKind::Trachea), at.now)),
     kind("kind-unknown", "this gas may be colon", "Ctrl+D", |c, at| c.tell_kind(Some(GasKind::Unknown), at.now)),
-    kind("kind-as-judged", "this gas is what it was judged to be", "Ctrl+G", |c, at| c.tell_kind(None, at.now)),
+    kind("kind-as-judged", "restore the automatic kind of this gas", "Ctrl+G", |c, at| c.tell_kind(None, at.now)),
     Row {
         effect: Effect::Window(WindowRequest::Seen),
         row: SEEN_ROW,
-        ..once("unseen", "paint the wall that was not seen", "Ctrl+E", |_, _| {})
+        ..once("unseen", "paint the wall that was not seen", "P Ctrl+E", |_, _| {})
     },
     Row {
         row: SEEN_ROW,
         possible: may_see_missed,
-        ..once("missed-next", "fly to the next patch of the wall that was missed", "Ctrl+F", |c, at| {
+        ..once("missed-next", "fly to the next patch of the wall that was missed", "F Ctrl+F", |c, at| {
             c.next_missed(at.now);
         })
     },
     Row {
         row: SEEN_ROW,
         possible: may_review,
-        ..once("review", "review: fly past all that was missed, end that", "Ctrl+V", |c, at| c.switch_review(at.now))
+        ..once("review", "review: fly past all that was missed, end that", "V Ctrl+V", |c, at| c.switch_review(at.now))
     },
     once("undo", "undo the last change to distances, answers or kinds", "Ctrl+Z", FlightController::undo),
     once("delete-last", "delete the last distance", "Delete", FlightController::delete_last_measure),
-    once("screenshot", "screenshot and its pose", "P F12", FlightController::take_screenshot),
-    Row { effect: Effect::Window(WindowRequest::Fullscreen), ..once("fullscreen", "full screen", "F", |_, _| {}) },
-    Row { shifted: "?", ..once("help", "list of keys", "H", FlightController::switch_help) },
-    Row { effect: Effect::Window(WindowRequest::Quit), ..once("quit", "quit", "Q Esc", |_, _| {}) },
+    once("screenshot", "screenshot and its pose", "Ctrl+S F12", FlightController::take_screenshot),
+    Row { effect: Effect::Window(WindowRequest::Fullscreen), ..once("fullscreen", "full screen", "F11", |_, _| {}) },
+    Row {
+        shifted: "?",
+        effect: Effect::Window(WindowRequest::Help),
+        ..once("help", "list of keys", "H F1", |_, _| {})
+    },
+    Row {
+        effect: Effect::Window(WindowRequest::Cancel),
+        ..once("cancel", "cancel, close what covers the window", "Esc", |_, _| {})
+    },
+    Row { effect: Effect::Window(WindowRequest::Quit), ..once("quit", "quit", "Ctrl+Q", |_, _| {}) },
 ];
 
 /// Row of the help for the keys of grey-level windows.
@@ -327,7 +339,7 @@ const SLAB_ROW: &str = "slices: slab thickness, projection";
 /// Row of the help for the keys of the candidates.
 const STEP_ROW: &str = "candidates: next, previous";
 /// Row of the help for the keys that give a kind to gas.
-const KIND_ROW: &str = "gas: colon, small bowel, stomach, lung, trachea, unknown, as judged";
+const KIND_ROW: &str = "gas: colon, small bowel, stomach, lung, trachea, unknown, automatic";
 const ANSWER_ROW: &str = "candidate: yes, no, unsure";
 
 const fn answer(
@@ -389,7 +401,7 @@ pub(crate) const MENUS: &[(&str, &[&str])] = &[
     ("Measure", &["measure", "undo", "delete-last", "measure-lesion"]),
     ("Candidates", &["panel-candidates", "candidate-"]),
     ("Panels", &["layout-", "panel-"]),
-    ("Help", &["help"]),
+    ("Help", &["help", "cancel"]),
 ];
 
 fn chords(keys: &str) -> Vec<Chord> {
@@ -432,6 +444,26 @@ impl Action {
             _ => format!("the window's {}", self.id),
         }
     }
+}
+
+/// A row of the list of keys.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct HelpRow {
+    /// The keys and gestures; empty if it has none.
+    pub keys: String,
+    /// What they do.
+    pub text: String,
+    /// The action's id, if it can be performed by a click.
+    pub id: Option<String>,
+}
+
+/// Rows of the list of keys that belong together.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Group {
+    /// Its title.
+    pub title: String,
+    /// Its rows.
+    pub rows: Vec<HelpRow>,
 }
 
 /// All actions of a window.
@@ -549,9 +581,9 @@ impl Actions {
         if key.is_empty() { key } else { format!(" ({key} {what})") }
     }
 
-    /// Returns the last key that quits, because others are easily pressed for something else; empty if there is none.
+    /// Returns the key that quits; empty if there is none.
     pub(crate) fn quit_key(&self) -> String {
-        self.named("quit").and_then(|a| a.keys.last()).map(Chord::to_string).unwrap_or_default()
+        self.key("quit")
     }
 
     /// Returns the most needed keys in one line.
@@ -566,15 +598,49 @@ impl Actions {
             part(&["forward", "left", "back", "right"], "steer"),
             Some("drag to look".to_owned()),
             part(&["reverse"], "turn round"),
-            part(&["quit"], "quit"),
         ];
         parts.into_iter().flatten().collect::<Vec<_>>().join("   ")
     }
 
+    /// Returns everything that the operator can do, in groups: the keys that steer, then as in the menus. Every action is there once.
+    pub(crate) fn groups(&self) -> Vec<Group> {
+        let steers = |a: &Action| matches!(a.effect, Effect::Hold(_) | Effect::Gesture);
+        let mut steer: Vec<HelpRow> = Vec::new();
+        for (keys, text) in self.rows_of(steers) {
+            steer.push(HelpRow { keys, text, id: None });
+        }
+        let mut groups = vec![Group { title: "Steer".to_owned(), rows: steer }];
+        let row = |a: &Action| {
+            let keys = a.keys.iter().map(Chord::to_string).chain(Some(a.gesture.to_owned()).filter(|g| !g.is_empty()));
+            HelpRow { keys: keys.collect::<Vec<_>>().join(", "), text: a.text.to_string(), id: Some(a.id.to_string()) }
+        };
+        let mut listed: Vec<&str> = Vec::new();
+        for (title, entries) in MENUS {
+            let mut rows = Vec::new();
+            for action in entries.iter().flat_map(|e| self.of_menu(e)).filter(|a| !steers(a)) {
+                if !listed.contains(&action.id.as_ref()) {
+                    listed.push(&action.id);
+                    rows.push(row(action));
+                }
+            }
+            groups.push(Group { title: (*title).to_owned(), rows });
+        }
+        let rest: Vec<HelpRow> =
+            self.0.iter().filter(|a| !steers(a) && !listed.contains(&a.id.as_ref())).map(row).collect();
+        groups.push(Group { title: "More".to_owned(), rows: rest });
+        groups.retain(|g| !g.rows.is_empty());
+        groups
+    }
+
     /// Returns all keys with their descriptions, a row for each task, in the order of the table.
     pub(crate) fn help(&self) -> Vec<(String, String)> {
+        self.rows_of(|_| true)
+    }
+
+    /// Returns the keys of some actions with their descriptions, a row for each task.
+    fn rows_of(&self, wanted: impl Fn(&Action) -> bool) -> Vec<(String, String)> {
         let mut rows: Vec<(&str, Vec<&Action>)> = Vec::new();
-        for action in &self.0 {
+        for action in self.0.iter().filter(|a| wanted(a)) {
             match rows.iter_mut().find(|r| r.0 == action.row) {
                 Some((_, all)) => all.push(action),
                 None => rows.push((&action.row, vec![action])),
@@ -631,7 +697,7 @@ mod tests {
         let id = |key: &str| all.of_key(&key.parse().unwrap()).map(|a| a.id.as_ref());
         assert_eq!(
             (id("w"), id("Esc"), id("<"), id("3")),
-            (Some("forward"), Some("quit"), Some("roll-left"), Some("guide-path"))
+            (Some("forward"), Some("cancel"), Some("roll-left"), Some("guide-path"))
         );
         assert_eq!(
             (id("Ctrl+0"), id("0"), id("Ctrl+C"), id("ß")),
@@ -649,12 +715,12 @@ mod tests {
     #[test]
     fn messages_name_the_keys_of_the_settings() {
         let usual = actions(&[]).unwrap();
-        assert_eq!(usual.short_help(), "H keys   Space pause   W A S D steer   drag to look   R turn round   Q quit");
-        assert_eq!(usual.hint("next", "flies to the next"), " (N flies to the next)");
-        assert_eq!((usual.key("undo").as_str(), usual.quit_key().as_str()), ("Ctrl+Z", "Esc"));
+        assert_eq!(usual.short_help(), "H keys   Space pause   W A S D steer   drag to look   R turn round");
+        assert_eq!(usual.hint("next", "flies to the next"), " (J flies to the next)");
+        assert_eq!((usual.key("undo").as_str(), usual.quit_key().as_str()), ("Ctrl+Z", "Ctrl+Q"));
         let changed = [("help", &["Ü"][..]), ("left", &["Ö"]), ("reverse", &[]), ("next", &[]), ("quit", &["Ä"])];
         let changed = actions(&changed).unwrap();
-        assert_eq!(changed.short_help(), "Ü keys   Space pause   W Ö S D steer   drag to look   Ä quit");
+        assert_eq!(changed.short_help(), "Ü keys   Space pause   W Ö S D steer   drag to look");
         assert_eq!((changed.hint("next", "flies to the next"), changed.quit_key()), (String::new(), "Ä".to_owned()));
     }
 
@@ -676,7 +742,7 @@ mod tests {
             let is_upper = word.chars().next().is_some_and(char::is_uppercase);
             !is_word && is_told && is_upper && word.parse().is_ok_and(|key| all.of_key(&key).is_some())
         };
-        assert!(["(N", "Ctrl+Z", "Esc"].map(is_key) == [true; 3] && ["n", "Next", "3"].map(is_key) == [false; 3]);
+        assert!(["(J", "Ctrl+Z", "Esc"].map(is_key) == [true; 3] && ["j", "Next", "3"].map(is_key) == [false; 3]);
         let window = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/host/window");
         let (mut folders, mut files) = (vec![window], 0);
         while let Some(folder) = folders.pop() {
@@ -701,10 +767,28 @@ mod tests {
     }
 
     #[test]
+    fn the_groups_of_the_list_hold_every_action_once() {
+        let all = actions(&[]).unwrap();
+        let groups = all.groups();
+        let ids: Vec<&str> = groups.iter().flat_map(|g| &g.rows).filter_map(|r| r.id.as_deref()).collect();
+        let expected = all.0.iter().filter(|a| !matches!(a.effect, Effect::Hold(_) | Effect::Gesture));
+        let mut expected: Vec<&str> = expected.map(|a| a.id.as_ref()).collect();
+        let mut found = ids.clone();
+        expected.sort_unstable();
+        found.sort_unstable();
+        assert_eq!(found, expected);
+        assert_eq!(groups[0].title, "Steer");
+        assert!(groups[0].rows.iter().any(|r| r.keys == "W S, Up Down" && r.text == "fly forward, back"));
+        assert!(groups.iter().all(|g| g.title != "More"), "{:?}", groups.last());
+        let yes = groups.iter().flat_map(|g| &g.rows).find(|r| r.id.as_deref() == Some("candidate-yes")).unwrap();
+        assert_eq!((yes.keys.as_str(), yes.text.as_str()), ("Y, Ctrl+Y", "this candidate is a polyp"));
+    }
+
+    #[test]
     fn settings_change_keys_and_collisions_are_refused() {
-        let all = actions(&[("reverse", &["Z", "Ctrl+R"]), ("left", &[])]).unwrap();
+        let all = actions(&[("reverse", &["Z", "Ctrl+W"]), ("left", &[])]).unwrap();
         let id = |key: &str| all.of_key(&key.parse().unwrap()).map(|a| a.id.as_ref());
-        assert_eq!((id("z"), id("Ctrl+R"), id("R"), id("A")), (Some("reverse"), Some("reverse"), None, None));
+        assert_eq!((id("z"), id("Ctrl+W"), id("R"), id("A")), (Some("reverse"), Some("reverse"), None, None));
         for (bad, word) in [
             (("reverse", &["W"][..]), "forward"),
             (("reverse", &["Z", "Z"][..]), "reverse"),

@@ -30,7 +30,7 @@ use super::moving::Moving;
 use super::overlay::{HudState, Severity};
 use super::overlays::Overlays;
 use super::panels::FlightInput;
-use super::place::Place;
+use super::place::{Bar, Chosen, Place};
 use super::screenshot;
 use super::screenshot_renderer::{Traced, WakeUp};
 use super::seen::Seen;
@@ -38,13 +38,15 @@ use super::slices::Slices;
 use super::travel::Travel;
 use super::view_renderer::{Due, ViewRenderer};
 use crate::app::{FlightApp, Overlay};
-use crate::components::camera::Velocity;
+use crate::components::camera::{Pose, Velocity};
 use crate::components::clock::Accumulator;
 use crate::components::flight::State;
+use crate::components::guide::Planned;
 use crate::components::input::{Command, FlightCommand, Hand, HandCommand};
 use crate::components::output::Picture;
 use crate::components::slices::Orientation;
 use crate::components::trail::Trail;
+use crate::dynamics::Attitude;
 use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
 use crate::host::headless;
@@ -95,7 +97,6 @@ pub(crate) struct FlightController {
     message: Option<(String, Instant)>,
     /// Errors that have been printed.
     reported: BTreeSet<String>,
-    help: bool,
     /// Fields that are being built for a guide before it takes over.
     planning: Option<FieldJob>,
     /// The scan without tag, beside the one as it is.
@@ -174,7 +175,6 @@ impl FlightController {
             place: Place::new(now),
             message: thick,
             reported: BTreeSet::new(),
-            help: false,
             planning: None,
             cleansing: Cleansing::new(),
             assistant: None,
@@ -482,9 +482,47 @@ impl FlightController {
         self.say("saving the image", at.now);
     }
 
-    /// Shows or hides the list of keys.
-    pub(crate) fn switch_help(&mut self, _: ActionContext) {
-        self.help = !self.help;
+    /// True if the state that an action switches is on, for its button.
+    pub(crate) fn is_on(&self, id: &str) -> bool {
+        match id {
+            "pause" => self.hand().paused,
+            "measure" => self.measures.is_on(),
+            "measure-lesion" => self.measures_lesions(),
+            _ => false,
+        }
+    }
+
+    /// Cancels the tool in use: measuring, a flight to a place, a review. Returns false if there is none.
+    pub(crate) fn cancel(&mut self, at: ActionContext) -> bool {
+        let said = if self.measures.is_on() {
+            self.measures.switch();
+            "not measuring any more"
+        } else if self.measures_lesions() {
+            self.leave_lesions();
+            "not measuring any more"
+        } else if self.travel.take().is_some() {
+            "stopped on the way"
+        } else if self.flight.tour().is_some() {
+            self.switch_review(at.now);
+            return true;
+        } else {
+            return false;
+        };
+        self.say(said, at.now);
+        true
+    }
+
+    /// Returns what is unfinished, in words: a measurement, a search, a list that is answered in part.
+    pub(crate) fn unfinished(&self) -> Option<String> {
+        if self.measures.begun().is_some() {
+            return Some("A distance has one end only.".to_owned());
+        }
+        let assistant = self.assistant()?;
+        if let super::assistant::State::Working(..) = assistant.state() {
+            return Some("The search for candidates is not finished.".to_owned());
+        }
+        let (all, answered) = (assistant.found()?.list.len(), assistant.reading().answered());
+        (answered > 0 && answered < all).then(|| format!("{} of {all} candidates are not answered.", all - answered))
     }
 
     /// Switches to a guide. The fields that it needs are built in the background while the flight continues.
@@ -561,15 +599,36 @@ impl FlightController {
         self.quiet = 0;
     }
 
-    /// Jumps to a share of the path, 0 to 1.
+    /// Jumps to a share of the bar, 0 to 1: of the colon, from the rectum, once its measure is known, and of the path until then.
     pub(crate) fn seek(&mut self, share: f64, now: Instant) {
         self.quiet = 0;
         self.travel = None;
-        match self.flight.act(FlightCommand::Seek(share)) {
-            Ok(()) => {}
-            Err(e) => self.say(format!("{}: {}; {}", e.what, e.why, e.hint), now),
+        let went = match self.place.at_share(&self.flight, share) {
+            Some(chosen) => self.go_along(&chosen),
+            None => self.flight.act(FlightCommand::Seek(share)),
+        };
+        if let Err(e) = went {
+            self.say(format!("{}: {}; {}", e.what, e.why, e.hint), now);
         }
         self.figures.touch();
+    }
+
+    /// Goes to a place of the colon's line and looks along it.
+    fn go_along(&mut self, chosen: &Chosen) -> Result<()> {
+        if chosen.is_guessed {
+            let hint = "click beside it, and read it in the slices";
+            return Err(Error::incomplete("place", "the colon has no gas there", hint));
+        }
+        let plan = &self.flight.setup().plan;
+        // A planned way leads through all segments.
+        let is_planned = self.flight.camera::<Planned>().is_some();
+        if !is_planned && plan.gas.is_none() && plan.segment.is_some_and(|own| own != chosen.segment) {
+            self.flight.act(FlightCommand::Segment(chosen.segment))?;
+        }
+        // As upright as the camera is now.
+        let up = self.flight.pose().attitude.up;
+        let up = if up.cross(chosen.forward).length() > 0.1 { up } else { chosen.forward.any_orthonormal_vector() };
+        self.flight.act(pointing::go_to(Pose { position: chosen.at, attitude: Attitude::new(chosen.forward, up) }))
     }
 
     /// Switches between high and low detail.
@@ -756,15 +815,7 @@ impl FlightController {
             more,
             figures,
             directions: Directions::of(&self.flight.pose().attitude),
-            per_mille: self.figures.per_mille(),
-            marks: self
-                .flight
-                .survey()
-                .trail()
-                .map_or(&[][..], Trail::calls)
-                .iter()
-                .map(|m| (m * 1000.0).round() as u32)
-                .collect(),
+            bar: self.bar(),
             // Until the measure along the colon is known, the distance flown: its length is approximate, so it is rounded.
             place: self.place.text().unwrap_or_else(|| {
                 let mm =
@@ -773,9 +824,18 @@ impl FlightController {
             }),
             message: self.message.as_ref().map(|m| m.0.clone()),
             keys: self.actions.short_help(),
-            help: if self.help { self.actions.help() } else { Vec::new() },
             marks_drawn,
         }
+    }
+
+    /// Returns the bar: along the colon once its measure is known, and along the path flown until then.
+    fn bar(&self) -> Bar {
+        self.place.bar(&self.flight).unwrap_or_else(|| {
+            let camera = self.figures.per_mille();
+            let calls = self.flight.survey().trail().map_or(&[][..], Trail::calls);
+            let calls = calls.iter().map(|m| (m * 1000.0).round() as u32).collect();
+            Bar { camera, read: vec![[0, camera]], calls, ..Bar::default() }
+        })
     }
 
     fn state(&self, state: &State) -> (String, Severity) {

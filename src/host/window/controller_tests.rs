@@ -125,8 +125,8 @@ fn a_still_scene_is_refined_and_then_left_alone() {
     assert_eq!(fly(&mut c, &mut now, 50), 0);
     assert_eq!((c.flight().clock().tick, c.frames().len()), (ticks, frames), "neither simulated nor traced");
     // A message wakes the flight for display, but no picture is rendered for it.
-    perform(&mut c, "help", now);
-    assert!(c.next().is_some_and(|t| t <= now) && !c.hud(now).help.is_empty());
+    c.say("a word", now);
+    assert!(c.next().is_some_and(|t| t <= now) && c.hud(now).message.is_some());
     assert_eq!(fly(&mut c, &mut now, 1), 0);
     // Looking around does change the picture.
     c.drag((9.0, 0.0), WINDOW);

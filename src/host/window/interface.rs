@@ -111,6 +111,9 @@ impl Interface {
     fn context() -> Context {
         let egui = Context::default();
         egui.set_theme(egui::Theme::Dark);
+        let mut fonts = egui::FontDefinitions::default();
+        egui_phosphor::add_to_fonts(&mut fonts, egui_phosphor::Variant::Regular);
+        egui.set_fonts(fonts);
         egui.options_mut(|o| {
             // egui's zoom keys change the view angle here.
             o.zoom_with_keyboard = false;

@@ -34,9 +34,11 @@ mod screenshot_renderer;
 mod seen;
 mod session;
 mod settings;
+mod sheet;
 mod shell;
 mod slices;
 mod told;
+mod toolbar;
 mod travel;
 mod view_renderer;
 mod workspace;
@@ -72,6 +74,20 @@ pub(crate) use workspace::slices_of;
 /// Returns status 2 if two actions share a key.
 pub(crate) fn key_help(guides: &Guides, overlays: &[Overlay], panels: &[PanelEntry]) -> Result<Vec<(String, String)>> {
     Ok(Actions::new(guides, overlays, panels, &KeySettings::new())?.help())
+}
+
+/// Returns all default keys of the window as text, in the groups of its list. The user's settings file is not applied.
+///
+/// # Errors
+/// Returns status 2 if two actions share a key.
+pub(crate) fn key_page(guides: &Guides, overlays: &[Overlay], panels: &[PanelEntry]) -> Result<String> {
+    let groups = Actions::new(guides, overlays, panels, &KeySettings::new())?.groups();
+    let wide = groups.iter().flat_map(|g| &g.rows).map(|r| r.keys.chars().count()).max().unwrap_or(0);
+    let group = |g: &actions::Group| {
+        let rows = g.rows.iter().map(|r| format!("  {:wide$}  {}\n", r.keys, r.text));
+        format!("{}\n{}", g.title, rows.collect::<String>())
+    };
+    Ok(groups.iter().map(group).collect::<Vec<_>>().join("\n"))
 }
 
 /// Returns the path of the user's window settings, if the system defines a folder for them.

@@ -3,6 +3,7 @@
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Vec2, pos2, vec2};
 
 use super::directions::Directions;
+use super::place::Bar;
 use crate::app::overlay::{Align, Colour, Mark, Place2};
 
 /// Always shown.
@@ -74,18 +75,14 @@ pub(crate) struct HudState {
     pub figures: Vec<String>,
     /// The patient's directions.
     pub directions: Directions,
-    /// Position along the path, per mille.
-    pub per_mille: u32,
+    /// The bar.
+    pub bar: Bar,
     /// Position in words.
     pub place: String,
-    /// Positions where the guide called the operator, per mille of the path.
-    pub marks: Vec<u32>,
     /// Message about a recent event.
     pub message: Option<String>,
     /// The most needed keys in one line, always shown.
     pub keys: String,
-    /// All keys with their descriptions, while they are listed.
-    pub help: Vec<(String, String)>,
     /// Marks drawn by overlays.
     pub marks_drawn: Vec<Mark>,
 }
@@ -221,8 +218,8 @@ pub(crate) fn marks(p: &Painter, area: Rect, marks: &[Mark]) {
     }
 }
 
-/// Draws the state of a flight over its picture, in an area given in points.
-pub(crate) fn flight(p: &Painter, area: Rect, r: &HudState) {
+/// Draws the state of a flight over its picture, in an area given in points. What is shown above all panels is left out if `is_headed`.
+pub(crate) fn flight(p: &Painter, area: Rect, r: &HudState, is_headed: bool) {
     marks(p, area, &r.marks_drawn);
     let inner = area.shrink(MARGIN);
     // A small window shows the bar and the directions first, and omits large parts.
@@ -230,21 +227,16 @@ pub(crate) fn flight(p: &Painter, area: Rect, r: &HudState) {
     // The foot: the keys, the mandatory disclaimer, and the path's progress bar.
     let row = p.layout_no_wrap(DISCLAIMER.to_owned(), font(TEXT), SOFT).size();
     let fits_beside = inner.width() > row.x * 2.0;
-    let rows = 1.0 + f32::from(u8::from(roomy)) + f32::from(u8::from(!fits_beside));
+    let rows = 1.0 + f32::from(u8::from(roomy)) + f32::from(u8::from(!fits_beside && !is_headed));
     let track = track(area);
     let foot = track.min.y - 4.0 - rows * row.y;
     p.rect_filled(Rect::from_min_max(pos2(area.min.x, foot - 4.0), area.max), 0.0, BACKING);
-    bar(p, track, f64::from(r.per_mille) / 1000.0);
-    let at = |per_mille: u32| track.min.x + track.width() * per_mille.min(1000) as f32 / 1000.0;
-    for &mark in &r.marks {
-        let rect = Rect::from_center_size(pos2(at(mark), track.center().y), vec2(4.0, 12.0));
-        p.rect_filled(rect, 0.0, Severity::Alert.colour());
-    }
-    // The camera.
-    p.rect_filled(Rect::from_center_size(pos2(at(r.per_mille), track.center().y), vec2(4.0, 12.0)), 0.0, INK);
+    along(p, track, &r.bar);
     let low = track.min.y - 3.0;
     text(p, pos2(inner.min.x, low), Align2::LEFT_BOTTOM, &r.place, TEXT, INK);
-    if fits_beside {
+    if is_headed {
+        // It stands in the header.
+    } else if fits_beside {
         text(p, pos2(inner.max.x, low), Align2::RIGHT_BOTTOM, DISCLAIMER, TEXT, SOFT);
     } else {
         text(p, pos2(inner.min.x, low - row.y), Align2::LEFT_BOTTOM, DISCLAIMER, TEXT, SOFT);
@@ -253,12 +245,19 @@ pub(crate) fn flight(p: &Painter, area: Rect, r: &HudState) {
         text(p, pos2(inner.min.x, foot), Align2::LEFT_TOP, &r.keys, TEXT, SOFT);
     }
     let foot = foot - 8.0;
-    let mut head: Vec<(&str, f32, Color32)> = vec![(&r.state, 17.0, r.severity.colour())];
+    let mut head: Vec<(&str, f32, Color32)> = Vec::new();
+    if !is_headed {
+        head.push((&r.state, 17.0, r.severity.colour()));
+    }
     head.extend(r.more.iter().map(|l| (l.as_str(), TEXT, INK)));
     let figures = r.figures.iter().take(if roomy { usize::MAX } else { 1 });
     head.extend(figures.map(|l| (l.as_str(), TEXT, INK)));
-    let panel =
-        lines(p, inner.min, Align2::LEFT_TOP, (inner.width() * if roomy { 0.42 } else { 0.6 }).min(340.0), &head);
+    let wrap = (inner.width() * if roomy { 0.42 } else { 0.6 }).min(340.0);
+    let panel = if head.is_empty() {
+        Rect::from_min_size(inner.min, Vec2::ZERO)
+    } else {
+        lines(p, inner.min, Align2::LEFT_TOP, wrap, &head)
+    };
 
     let d = &r.directions;
     // Beside the panel and above the foot, so that neither covers a label.
@@ -282,9 +281,29 @@ pub(crate) fn flight(p: &Painter, area: Rect, r: &HudState) {
             &[(m, 16.0, INK)],
         );
     }
-    if !r.help.is_empty() {
-        help(p, area, &r.help);
+}
+
+/// Draws the bar: what was flown, what is a guess, the ends of the parts, where the operator was called, and the camera.
+fn along(p: &Painter, track: Rect, bar: &Bar) {
+    let at = |per_mille: u32| track.min.x + track.width() * per_mille.min(1000) as f32 / 1000.0;
+    let stretch = |[from, to]: [u32; 2]| Rect::from_x_y_ranges(at(from)..=at(to).max(at(from) + 1.0), track.y_range());
+    p.rect_filled(track, 3.0, Color32::from_black_alpha(190));
+    for &guessed in &bar.guessed {
+        p.rect_filled(stretch(guessed), 0.0, Color32::from_gray(90));
     }
+    for &read in &bar.read {
+        p.rect_filled(stretch(read), 3.0, ACCENT);
+    }
+    let tick = |per_mille: u32, size: Vec2, colour: Color32| {
+        p.rect_filled(Rect::from_center_size(pos2(at(per_mille), track.center().y), size), 0.0, colour);
+    };
+    for &(end, _) in bar.parts.iter().filter(|p| p.0 < 1000) {
+        tick(end, vec2(1.0, 8.0), SOFT);
+    }
+    for &call in &bar.calls {
+        tick(call, vec2(4.0, 12.0), Severity::Alert.colour());
+    }
+    tick(bar.camera, vec2(4.0, 12.0), INK);
 }
 
 /// Draws the letters of a direction.
@@ -298,29 +317,6 @@ pub(crate) fn label(p: &Painter, at: Pos2, align: Align2, name: &str) {
     text(p, rect.center(), Align2::CENTER_CENTER, name, LABEL, Color32::from_rgb(255, 236, 150));
 }
 
-fn help(p: &Painter, area: Rect, list: &[(String, String)]) {
-    let rows = list.len() as f32;
-    // As large as fits, so that all keys are visible in the smallest window.
-    let size = (area.height() / (rows * 1.6)).min((area.width() - 40.0) / 30.0).clamp(6.0, 16.0);
-    let row = size * 1.35;
-    let column = |keys: bool| {
-        let widths = list.iter().map(|h| {
-            let t = if keys { &h.0 } else { &h.1 };
-            p.layout_no_wrap(t.clone(), font(size), INK).size().x
-        });
-        widths.fold(0.0, f32::max)
-    };
-    let (keys, words, gap) = (column(true), column(false), size * 1.5);
-    let rect = Rect::from_center_size(area.center(), Vec2::new(keys + gap + words + 28.0, rows * row + 24.0));
-    p.rect_filled(rect, 8.0, Color32::from_black_alpha(245));
-    for (n, (key, what)) in list.iter().enumerate() {
-        let y = rect.min.y + 12.0 + n as f32 * row;
-        let x = rect.min.x + 14.0;
-        p.text(pos2(x, y), Align2::LEFT_TOP, key, font(size), Severity::Notice.colour());
-        p.text(pos2(x + keys + gap, y), Align2::LEFT_TOP, what, font(size), INK);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use egui::{Context, LayerId, RawInput, Shape};
@@ -332,7 +328,7 @@ mod tests {
         let area = Rect::from_min_size(Pos2::ZERO, vec2(800.0, 600.0));
         let input = RawInput { screen_rect: Some(area), ..RawInput::default() };
         let output = Context::default().run_ui(input, |ui| {
-            flight(&ui.ctx().layer_painter(LayerId::background()), area, hud);
+            flight(&ui.ctx().layer_painter(LayerId::background()), area, hud, false);
         });
         output.shapes.into_iter().map(|s| s.shape).collect()
     }
@@ -348,7 +344,10 @@ mod tests {
 
     #[test]
     fn the_bar_shows_the_camera_and_the_calls_along_the_path() {
-        let shapes = drawn(&HudState { per_mille: 250, marks: vec![500, 1000], ..HudState::default() });
+        let shapes = drawn(&HudState {
+            bar: Bar { camera: 250, read: vec![[0, 250]], calls: vec![500, 1000], ..Bar::default() },
+            ..HudState::default()
+        });
         let places = |colour: Color32, size: Vec2| -> Vec<Pos2> {
             let rects = shapes.iter().filter_map(|s| if let Shape::Rect(r) = s { Some(r) } else { None });
             let alike = rects.filter(|r| r.fill == colour && (r.rect.size() - size).length() < 0.01);
@@ -396,15 +395,5 @@ mod tests {
             assert!((end.center().x - 400.0).abs() < 1.0, "{end}");
         }
         assert!(top.max.y < 50.0 && (foot - 40.0..foot).contains(&bottom.max.y), "{top} {bottom}");
-    }
-
-    #[test]
-    fn a_long_help_is_small_enough_for_the_picture() {
-        let help: Vec<_> = (0..60).map(|n| (format!("key {n}"), format!("what it does {n}"))).collect();
-        let shapes = drawn(&HudState { help: help.clone(), ..HudState::default() });
-        for text in help.iter().flat_map(|(key, what)| [key, what]) {
-            let at = of_text(&shapes, text);
-            assert!(at.min.x >= 0.0 && at.max.x <= 800.0 && at.min.y >= 0.0 && at.max.y <= 600.0, "{text}: {at}");
-        }
     }
 }

@@ -61,18 +61,16 @@ mod tests {
             more: Vec::new(),
             figures: Vec::new(),
             directions: Directions::default(),
-            per_mille: 500,
+            bar: crate::host::window::place::Bar::default(),
             place: "place".to_owned(),
-            marks: Vec::new(),
             message: None,
             keys: String::new(),
-            help: Vec::new(),
             marks_drawn: Vec::new(),
         };
         let area = Rect::from_min_size(Pos2::ZERO, size);
         let input = RawInput { screen_rect: Some(area), ..RawInput::default() };
         let output = Context::default().run_ui(input, |ui| {
-            overlay::flight(&ui.ctx().layer_painter(LayerId::background()), area, &hud);
+            overlay::flight(&ui.ctx().layer_painter(LayerId::background()), area, &hud, false);
         });
         let spans = |shape: &Shape| match shape {
             Shape::Rect(r) if r.rect.width() == area.width() && r.rect.max.y == area.max.y => Some(r.rect.height()),

@@ -4,6 +4,8 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use glam::DVec3;
+
 use super::job::Job;
 use super::screenshot_renderer::WakeUp;
 use crate::app::{FlightApp, Setup};
@@ -13,13 +15,47 @@ use crate::progress::Progress;
 
 /// Time between two places.
 const LOOKS: Duration = Duration::from_millis(250);
+/// Two places farther apart than this along the line are not joined by a flight between them, mm.
+const STRIDE_MM: f64 = 40.0;
+/// Stretches nearer than this are one, mm.
+const TOUCHING_MM: f64 = 5.0;
 
 /// The camera's place along the colon.
 pub(crate) struct Place {
     /// The lumen that is flown, and what is known of the measure along it.
     flown: Option<(Arc<Lumen>, Known)>,
     at: Option<AlongColon>,
+    /// Stretches of the line that were flown, from and to, mm; apart and in order.
+    read: Vec<[f64; 2]>,
     looked: Instant,
+}
+
+/// The bar of a flight. Numbers are per mille of its length.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Bar {
+    /// The camera.
+    pub camera: u32,
+    /// Stretches that were flown.
+    pub read: Vec<[u32; 2]>,
+    /// Stretches without gas, whose course is a guess.
+    pub guessed: Vec<[u32; 2]>,
+    /// The ends of the colon's parts, with their names, from the rectum.
+    pub parts: Vec<(u32, &'static str)>,
+    /// Where the guide called the operator.
+    pub calls: Vec<u32>,
+}
+
+/// A place of the line that the bar was clicked at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Chosen {
+    /// World, mm.
+    pub at: DVec3,
+    /// The direction towards the flight's goal.
+    pub forward: DVec3,
+    /// The segment there.
+    pub segment: usize,
+    /// True where there is no gas to fly through.
+    pub is_guessed: bool,
 }
 
 enum Known {
@@ -31,7 +67,7 @@ enum Known {
 
 impl Place {
     pub(crate) fn new(now: Instant) -> Self {
-        Self { flown: None, at: None, looked: now }
+        Self { flown: None, at: None, read: Vec::new(), looked: now }
     }
 
     /// Looks where the camera is, if it is time. Starts the computation for a lumen that is new.
@@ -47,6 +83,8 @@ impl Place {
         if self.flown.as_ref().is_none_or(|f| !Arc::ptr_eq(&f.0, gas)) {
             let known = begin(flight, gas, wake).map_or(Known::No, Known::Computing);
             self.flown = Some((Arc::clone(gas), known));
+            // The same scan has the same measure, but another one may have been opened.
+            self.at = None;
         }
         let Some((_, known)) = &mut self.flown else { return };
         if let Known::Computing(job) = known
@@ -54,10 +92,55 @@ impl Place {
         {
             *known = done.map_or(Known::No, Known::Yes);
         }
+        let before = self.at;
         self.at = match known {
             Known::Yes(along) => along.of(flight.pose().position),
             Known::Computing(_) | Known::No => None,
         };
+        if let Some(at) = self.at {
+            let from = before.map_or(at.mm, |b| if (b.mm - at.mm).abs() < STRIDE_MM { b.mm } else { at.mm });
+            add(&mut self.read, [from.min(at.mm), from.max(at.mm)]);
+        }
+    }
+
+    /// Returns the measure along the colon, if it is known from the rectum to the cecum and a log is not replayed, whose bar is that of
+    /// the log.
+    fn whole(&self, flight: &FlightApp) -> Option<&Along> {
+        match &self.flown {
+            Some((_, Known::Yes(along))) if along.is_whole() && flight.setup().scene.play().is_none() => Some(along),
+            _ => None,
+        }
+    }
+
+    /// Returns the bar: the whole colon, from the rectum; `None` if its measure is not known.
+    pub(crate) fn bar(&self, flight: &FlightApp) -> Option<Bar> {
+        let (along, at) = (self.whole(flight)?, self.at?);
+        let length = along.length_mm().max(1.0);
+        let share = |mm: f64| (mm / length * 1000.0).round().clamp(0.0, 1000.0) as u32;
+        let stretches = |list: &[[f64; 2]]| list.iter().map(|s| s.map(share)).collect();
+        let trail = flight.survey().trail();
+        let call = |share: &f64| trail.and_then(|t| t.at(*share)).and_then(|p| along.of(p.0)).map(|a| a.mm);
+        let calls = trail.map_or(&[][..], |t| t.calls()).iter().filter_map(call).map(share).collect();
+        Some(Bar {
+            camera: share(at.mm),
+            read: stretches(&self.read),
+            guessed: stretches(along.guessed()),
+            parts: along.parts().iter().map(|p| (share(p.to_mm), p.name)).collect(),
+            calls,
+        })
+    }
+
+    /// Returns the place at a share of the bar; `None` if the measure is not known.
+    pub(crate) fn at_share(&self, flight: &FlightApp, share: f64) -> Option<Chosen> {
+        let along = self.whole(flight)?;
+        let mm = along.length_mm() * share.clamp(0.0, 1.0);
+        let (at, towards_cecum) = along.point(mm)?;
+        let plan = &flight.setup().plan;
+        let end = |at: DVec3| along.of(at).map(|a| a.mm);
+        let returns = end(plan.goal().at).zip(end(plan.other_end().at)).is_some_and(|(goal, start)| goal < start);
+        let AlongColon { segment, is_guessed, .. } = along.of(at)?;
+        let forward = if returns { -towards_cecum } else { towards_cecum };
+        Some(Chosen { at, forward, segment, is_guessed })
     }
 
     /// Returns the part of the colon around the camera, and "840 of 2050 mm": the distance from the rectum and the length of the
@@ -75,6 +158,16 @@ impl Place {
     }
 }
 
+/// Adds a stretch to those that are apart and in order.
+fn add(list: &mut Vec<[f64; 2]>, [mut from, mut to]: [f64; 2]) {
+    let first = list.partition_point(|s| s[1] + TOUCHING_MM < from);
+    let last = list.partition_point(|s| s[0] - TOUCHING_MM <= to);
+    for s in &list[first..last] {
+        (from, to) = (from.min(s[0]), to.max(s[1]));
+    }
+    list.splice(first..last, [[from, to]]);
+}
+
 /// Computes the measure along the gas that is flown, in the background.
 fn begin(flight: &FlightApp, gas: &Arc<Lumen>, wake: &WakeUp) -> Result<Job<Arc<Along>>> {
     let (volume, gas, wake) = (flight.setup().volume.clone(), Arc::clone(gas), Arc::clone(wake));
@@ -88,6 +181,17 @@ mod tests {
     use crate::app::{FlightRequest, OpenOptions, Scan, Scene};
     use crate::host::window::controller::tests::{cockpit_of, trace};
     use crate::phantom::{Phantom, PhantomSettings};
+
+    #[test]
+    fn stretches_that_touch_are_one() {
+        let mut list = Vec::new();
+        for stretch in [[100.0, 120.0], [300.0, 310.0], [0.0, 10.0], [118.0, 150.0], [14.0, 20.0], [290.0, 296.0]] {
+            add(&mut list, stretch);
+        }
+        assert_eq!(list, [[0.0, 20.0], [100.0, 150.0], [290.0, 310.0]]);
+        add(&mut list, [5.0, 400.0]);
+        assert_eq!(list, [[0.0, 400.0]]);
+    }
 
     /// A flight in a window, and the measure along its scan as that is in its file. `path` takes the tag out of it.
     fn bar_of(guide: &'static str, fluid: bool) {
@@ -115,7 +219,18 @@ mod tests {
         }
         let at = along.of(c.flight().pose().position).unwrap();
         let [mm, length] = [at.mm, along.length_mm()].map(|mm| (mm / 10.0).round() * 10.0);
-        assert_eq!(c.hud(now).place, format!("{}, {mm} of {length} mm", at.part.unwrap()));
+        let hud = c.hud(now);
+        assert_eq!(hud.place, format!("{}, {mm} of {length} mm", at.part.unwrap()));
+        // The bar has the same measure, and a click on it goes there.
+        let per_mille = |mm: f64| (mm / along.length_mm() * 1000.0).round() as u32;
+        assert_eq!((hud.bar.camera, hud.bar.parts.last().map(|p| p.0)), (per_mille(at.mm), Some(1000)));
+        for share in [0.25, 0.8] {
+            c.seek(share, now);
+            now += Duration::from_secs(1);
+            let bar = c.hud(now).bar;
+            let read = bar.read.iter().any(|r| (r[0]..=r[1]).contains(&bar.camera));
+            assert!((f64::from(bar.camera) - share * 1000.0).abs() < 12.0 && read, "{share}: {bar:?}");
+        }
     }
 
     #[test]

@@ -28,6 +28,7 @@ use super::present_timer::PresentTimer;
 use super::recent::Recent;
 use super::screenshot_renderer::WakeUp;
 use super::session::{ScanFiles, Session};
+use super::sheet::{self, Sheet};
 use super::workspace::Workspace;
 use super::{Finish, Launch, Opening, Resume, Shown};
 use crate::app::Overlay;
@@ -85,6 +86,8 @@ pub(crate) struct Shell {
     /// True if an event has occurred that the interface may react to.
     touched: bool,
     workspace: Workspace,
+    /// What covers the window.
+    sheet: Option<Sheet>,
     /// Rectangle of the flight's picture in the window, pixels: left, top, width, height.
     flight_at: [usize; 4],
     /// The same for the slices.
@@ -168,6 +171,7 @@ impl Shell {
             input: None,
             touched: false,
             workspace,
+            sheet: None,
             flight_at: [0; 4],
             slices_at: Vec::new(),
             painted: None,
@@ -414,6 +418,11 @@ impl Shell {
         // A released key is always let go, whatever modifiers are held.
         let action = actions.of_key(&chord).or_else(|| actions.of_key(&chord.plain()).filter(|_| !pressed));
         let Some(action) = action.filter(|_| !pressed || !other) else { return };
+        // A sheet covers everything that other keys would change unseen.
+        let is_of_sheet = |a: &Action| matches!(a.effect, Effect::Window(WindowRequest::Cancel | WindowRequest::Help));
+        if pressed && self.sheet.is_some() && !is_of_sheet(action) {
+            return;
+        }
         let once = pressed && (action.repeats || !event.repeat);
         match (action.effect, &mut self.stage) {
             (Effect::Hold(hold), Stage::Flying(c)) => {
@@ -473,6 +482,7 @@ impl Shell {
         }
         let (Some(input), Some(window)) = (&mut self.input, &self.window) else { return Ok(()) };
         let (stage, workspace, mut requests) = (&self.stage, &mut self.workspace, Requests::default());
+        let (sheet, mut answer) = (&mut self.sheet, sheet::Answer::Stay);
         let (actions, recent) = (&*self.actions, self.recent.scans());
         let (file_list, mut chosen) = (&mut self.file_list, None);
         let (opening, series) = (self.opening.as_deref(), self.series);
@@ -481,13 +491,17 @@ impl Shell {
             match (&content, stage) {
                 (Content::Flight(hud), Stage::Flying(controller)) => {
                     let context = Context::new(controller, actions, recent, hud).of_scan(opening, series);
+                    let context = context.headed(workspace.is_headed());
                     workspace.ui(&context, ui, &mut requests);
+                    if let Some(sheet) = sheet {
+                        answer = sheet.ui(&context, ui, &mut requests);
+                    }
                 }
                 (Content::Failed { text }, _) => {
                     chosen = file_list.instead(text, opening, choices, recent, &actions.quit_key(), ui);
                 }
                 (Content::Loading { stage, share }, _) => {
-                    let quit = actions.quit_key();
+                    let quit = actions.key("cancel");
                     overlay::loading(&background(ui), ui.ctx().content_rect(), stage, *share, &quit);
                 }
                 (Content::Flight(_), _) => {}
@@ -508,6 +522,7 @@ impl Shell {
                 }
                 self.interface.renew();
                 if laid_out.is_err() {
+                    self.sheet = None;
                     self.workspace.renew();
                 }
                 self.input = Some(input_of(&self.interface, window, events));
@@ -521,6 +536,11 @@ impl Shell {
         self.slices_at = requests.slices_at().iter().map(|(o, at)| (*o, size.in_pixels(*at))).collect();
         self.laid_out = Some((content, size));
         self.laid_out_at = Some(now);
+        match answer {
+            sheet::Answer::Stay => {}
+            sheet::Answer::Close => (self.sheet, self.touched) = (None, true),
+            sheet::Answer::Quit => self.quit(events),
+        }
         self.follow(chosen.into_iter().chain(requests.take()), now, events);
         Ok(())
     }
@@ -578,9 +598,40 @@ impl Shell {
         }
     }
 
+    /// Cancels the innermost of what is under way: a sheet, a tool, the list of scans, full screen, the loading of a scan.
+    fn cancel(&mut self, events: &ActiveEventLoop) {
+        let moment = self.moment(Instant::now());
+        if self.sheet.take().is_some() {
+            return;
+        }
+        match &mut self.stage {
+            Stage::Flying(c) => {
+                if c.cancel(moment) || self.workspace.hide_named("open") {
+                    return;
+                }
+            }
+            // With it the program ends: nothing else is open.
+            Stage::Loading(_) => return self.quit(events),
+            Stage::Failed(_) | Stage::Over => {}
+        }
+        if self.window.as_ref().is_some_and(|w| w.fullscreen().is_some()) {
+            self.switch_fullscreen();
+        }
+    }
+
     fn run_window(&mut self, request: WindowRequest, events: &ActiveEventLoop) {
         match request {
-            WindowRequest::Quit => self.quit(events),
+            WindowRequest::Quit => match &self.stage {
+                Stage::Flying(c) if !matches!(self.sheet, Some(Sheet::Quit { .. })) => match c.unfinished() {
+                    Some(why) => self.sheet = Some(Sheet::Quit { why }),
+                    None => self.quit(events),
+                },
+                _ => self.quit(events),
+            },
+            WindowRequest::Cancel => self.cancel(events),
+            WindowRequest::Help => {
+                self.sheet = if self.sheet.take().is_some() { None } else { Some(Sheet::keys()) };
+            }
             WindowRequest::Fullscreen => self.switch_fullscreen(),
             WindowRequest::Open => self.workspace.switch_named("open"),
             WindowRequest::Kinds => {

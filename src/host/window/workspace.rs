@@ -11,6 +11,7 @@ use super::actions::{Effect, MENUS, WindowRequest};
 use super::folders::{self, Folder};
 use super::overlay::{DISCLAIMER, SOFT, Severity};
 use super::panels::{Context, Panel, PanelEntry, Request, Requests, slices};
+use super::toolbar;
 use crate::components::slices::Orientation;
 use crate::error::{Error, Result};
 use crate::output;
@@ -25,6 +26,9 @@ const HINT: &str = "it is left as it is; the panels are where they are at first"
 const SHARES: [f32; 2] = [0.02, 50.0];
 /// Share of panels that are shown beside those of a layout.
 const SIDE: f32 = 0.3;
+
+/// What the embedded phantom is called.
+pub(crate) const PHANTOM: &str = "synthetic phantom";
 
 /// The layout of a window that is opened for the first time.
 const FIRST: &str = "reading";
@@ -135,7 +139,7 @@ fn linear(
 /// The current state of a layout.
 struct Arrangement {
     tree: Tree<String>,
-    /// Beside the layout's panels: the tile that holds the others, and these.
+    /// Beside the layout's panels: the tile that holds the others as tabs, and these.
     side: (TileId, Vec<TileId>),
 }
 
@@ -145,10 +149,8 @@ impl Arrangement {
         let own = entry.tiles.add(&mut tiles);
         let others: Vec<&str> = panels.iter().map(|p| p.entry.name).filter(|n| !entry.tiles.shows(n)).collect();
         let mut ids = Vec::new();
-        let side = linear(&mut tiles, LinearDir::Vertical, |tiles| {
-            ids = others.iter().map(|n| tiles.insert_pane((*n).to_owned())).collect();
-            ids.iter().map(|id| (1.0, *id)).collect()
-        });
+        ids.extend(others.iter().map(|n| tiles.insert_pane((*n).to_owned())));
+        let side = tiles.insert_tab_tile(ids.clone());
         let root = linear(&mut tiles, LinearDir::Horizontal, |_| vec![(1.0 - SIDE, own), (SIDE, side)]);
         let mut made = Self { tree: Tree::new(entry.name, root, tiles), side: (side, ids) };
         for (id, name) in made.side.1.clone().into_iter().zip(&others) {
@@ -179,6 +181,12 @@ impl Arrangement {
         if let Some(id) = self.tile(panel) {
             let shown = self.tree.is_visible(id);
             self.tree.set_visible(id, !shown);
+            if let Some(Tile::Container(Container::Tabs(tabs))) = self.tree.tiles.get_mut(self.side.0)
+                && !shown
+                && tabs.children.contains(&id)
+            {
+                tabs.set_active(id);
+            }
             self.settle();
         }
     }
@@ -259,8 +267,12 @@ pub(crate) struct Workspace {
     file: Option<PathBuf>,
     /// True if a panel has panicked since the last [`Workspace::take_broken`].
     is_broken: bool,
+    /// True while the menus are shown over a layout without them.
+    is_at_edge: bool,
 }
 
+/// Distance of the pointer from the upper edge at which menus are shown there, and from which on they are not any more, points.
+const EDGE: [f32; 2] = [3.0, 30.0];
 /// Farthest place that a panel draws at, points.
 const ABSURD: f32 = 1e5;
 
@@ -279,7 +291,7 @@ impl Workspace {
         let panels: Vec<Shown> = entries.iter().map(make).collect();
         let layouts = LAYOUTS.iter().map(|l| Arrangement::new(l, &panels)).collect();
         let first = LAYOUTS.iter().position(|l| l.name == FIRST).unwrap_or(0);
-        let mut made = Self { panels, layout: first, layouts, file, is_broken: false };
+        let mut made = Self { panels, layout: first, layouts, file, is_broken: false, is_at_edge: false };
         let error = made.resume().err();
         if error.is_some() {
             made.file = None;
@@ -343,6 +355,13 @@ impl Workspace {
         self.layouts[self.layout].switch(name);
     }
 
+    /// Hides a panel, by its name. Returns false if it is not shown.
+    pub(crate) fn hide_named(&mut self, name: &str) -> bool {
+        let is_shown = self.layouts[self.layout].is_shown(name);
+        self.show_named(name, false);
+        is_shown
+    }
+
     /// Shows a panel, or hides it, by its name.
     pub(crate) fn show_named(&mut self, name: &str, shown: bool) {
         let layout = &mut self.layouts[self.layout];
@@ -386,11 +405,43 @@ impl Workspace {
 
     /// Lays out all panels.
     pub(crate) fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
-        if LAYOUTS[self.layout].menus {
+        let is_headed = LAYOUTS[self.layout].menus;
+        if is_headed {
             egui::Panel::top("menus").show_inside(ui, |ui| self.menus(context, ui, requests));
+            egui::Panel::top("tools").show_inside(ui, |ui| toolbar::ui(context, ui, requests));
         }
+        let area = ui.available_rect_before_wrap();
         let (panels, layout, is_broken) = (&mut self.panels, &mut self.layouts[self.layout], &mut self.is_broken);
-        layout.tree.ui(&mut Tiling { panels, context, requests, is_broken }, ui);
+        let mut closed = None;
+        layout.tree.ui(&mut Tiling { panels, context, requests, is_broken, closed: &mut closed }, ui);
+        if let Some(name) = closed {
+            layout.switch(&name);
+        }
+        if !is_headed {
+            self.menus_at_edge(context, ui, area, requests);
+        }
+    }
+
+    /// Shows the menus over a layout without them while the pointer is at the upper edge: who has only a mouse needs them.
+    fn menus_at_edge(&mut self, context: &Context<'_>, ui: &Ui, area: egui::Rect, requests: &mut Requests) {
+        let edge = area.top() + if self.is_at_edge { EDGE[1] } else { EDGE[0] };
+        let is_there = ui.ctx().pointer_hover_pos().is_some_and(|at| at.y < edge);
+        self.is_at_edge = is_there || self.is_at_edge && egui::Popup::is_any_open(ui.ctx());
+        if self.is_at_edge {
+            let shown =
+                egui::Area::new(egui::Id::new("menus at the edge")).fixed_pos(area.min).order(egui::Order::Middle);
+            shown.show(ui.ctx(), |ui| {
+                egui::Frame::NONE.fill(ui.visuals().panel_fill).inner_margin(4.0).show(ui, |ui| {
+                    ui.set_width(area.width() - 8.0);
+                    self.menus(context, ui, requests);
+                });
+            });
+        }
+    }
+
+    /// True if the state is shown above all panels.
+    pub(crate) fn is_headed(&self) -> bool {
+        LAYOUTS[self.layout].menus
     }
 
     fn menus(&self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
@@ -412,7 +463,11 @@ impl Workspace {
                 ui.label(RichText::new(DISCLAIMER).color(SOFT));
                 ui.separator();
                 let r = context.hud;
-                ui.label(RichText::new(&r.state).color(r.severity.colour()));
+                ui.label(RichText::new(&r.state).color(r.severity.colour()).strong());
+                ui.separator();
+                let name =
+                    context.opened.map_or(PHANTOM.into(), |o| o.0.file_name().unwrap_or_default().to_string_lossy());
+                ui.label(name.as_ref());
                 // If the flight is not shown, its messages need another place.
                 if let Some(message) = r.message.as_ref().filter(|_| !self.layouts[self.layout].is_shown("flight")) {
                     ui.separator();
@@ -484,6 +539,8 @@ struct Tiling<'a, 'b> {
     requests: &'a mut Requests,
     /// Set if a panel panics.
     is_broken: &'a mut bool,
+    /// The panel whose tab was closed.
+    closed: &'a mut Option<String>,
 }
 
 impl Behavior<String> for Tiling<'_, '_> {
@@ -504,10 +561,6 @@ impl Behavior<String> for Tiling<'_, '_> {
         let (context, requests) = (self.context, &mut *self.requests);
         let (layer, begun) = (own.layer_id(), own.painter().add(egui::Shape::Noop));
         let laid_out = panics::catch(|| {
-            if !shown.entry.picture {
-                own.label(RichText::new(shown.entry.title).strong());
-                own.separator();
-            }
             shown.panel.ui(context, &mut own, requests);
         });
         if hide_absurd(own.ctx(), layer, begun) {
@@ -523,7 +576,22 @@ impl Behavior<String> for Tiling<'_, '_> {
     }
 
     fn tab_title_for_pane(&mut self, name: &String) -> WidgetText {
-        name.into()
+        let shown = self.panels.iter().find(|p| p.entry.name == *name);
+        shown.map_or(name.as_str(), |p| p.entry.title).into()
+    }
+
+    fn is_tab_closable(&self, _: &Tiles<String>, _: TileId) -> bool {
+        true
+    }
+
+    fn on_tab_close(&mut self, tiles: &mut Tiles<String>, tile: TileId) -> bool {
+        // It is hidden, and comes back where it was.
+        *self.closed = tiles.get(tile).and_then(|t| if let Tile::Pane(name) = t { Some(name.clone()) } else { None });
+        false
+    }
+
+    fn is_tile_draggable(&self, _: &Tiles<String>, _: TileId) -> bool {
+        false
     }
 
     fn gap_width(&self, _: &egui::Style) -> f32 {

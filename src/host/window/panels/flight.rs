@@ -56,7 +56,7 @@ impl Panel for FlightPanel {
         requests.show_flight(rect);
         let p = ui.painter_at(rect);
         marks(context, &p, rect);
-        overlay::flight(&p, rect, context.hud);
+        overlay::flight(&p, rect, context.hud, context.is_headed);
     }
 }
 

@@ -96,6 +96,8 @@ pub struct Context<'a> {
     pub(super) hud: &'a HudState,
     /// The open scan, and the number of the series that was asked for.
     pub(super) opened: Option<(&'a Path, Option<usize>)>,
+    /// True if the state is shown above all panels.
+    pub(super) is_headed: bool,
 }
 
 impl<'a> Context<'a> {
@@ -105,7 +107,12 @@ impl<'a> Context<'a> {
         recent: &'a [PathBuf],
         hud: &'a HudState,
     ) -> Self {
-        Self { flight: controller.flight(), controller, actions, recent, hud, opened: None }
+        Self { flight: controller.flight(), controller, actions, recent, hud, opened: None, is_headed: false }
+    }
+
+    /// Tells whether the state is shown above all panels.
+    pub(super) fn headed(self, is_headed: bool) -> Self {
+        Self { is_headed, ..self }
     }
 
     /// Adds the open scan, and the number of the series that was asked for.

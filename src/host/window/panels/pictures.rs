@@ -23,6 +23,8 @@ use crate::host::window::interface::{Interface, WindowSize};
 use crate::host::window::layer::{Placed, compose};
 use crate::host::window::overlay::{self, Severity};
 use crate::host::window::painter::Artist;
+use crate::host::window::place::Bar;
+use crate::host::window::sheet::Sheet;
 use crate::host::window::workspace::{LAYOUTS, Workspace};
 use crate::render::{Frame, ImageSize, Light};
 use crate::volume::io::study::{self, Picture, Series, Study};
@@ -55,9 +57,14 @@ impl Stage {
             severity: Severity::Normal,
             figures: ["12 ms, 60 pictures a second", "20 mm/s", "9.5 mm from the wall"].map(str::to_owned).to_vec(),
             directions: Directions::of(&flight.pose().attitude),
-            per_mille: 310,
+            bar: Bar {
+                camera: 310,
+                read: vec![[0, 310]],
+                guessed: vec![[640, 680]],
+                parts: vec![(80, "rectum"), (400, "sigmoid"), (1000, "cecum")],
+                calls: vec![620],
+            },
             place: "250 of about 810 mm".to_owned(),
-            marks: vec![620],
             keys: actions.short_help(),
             ..HudState::default()
         };
@@ -307,8 +314,15 @@ fn every_layout_looks_as_it_did() {
     for layout in LAYOUTS {
         hold(&format!("layout-{}", layout.name), &stage.layout(layout.name));
     }
-    stage.hud.help = stage.actions.help();
-    hold("layout-help", &stage.layout("flight"));
+    let mut workspace = Workspace::new(BUILT_IN, Some("reading"), None).0;
+    for (name, mut sheet) in [("help", Sheet::keys()), ("quit", Sheet::Quit { why: "Nothing is finished.".to_owned() })]
+    {
+        let picture = stage.picture(|context, ui, requests| {
+            workspace.ui(context, ui, requests);
+            assert_eq!(sheet.ui(context, ui, requests), crate::host::window::sheet::Answer::Stay);
+        });
+        hold(&format!("layout-{name}"), &picture);
+    }
 }
 
 #[test]

@@ -1,0 +1,223 @@
+//! Sheets over the whole window: the list of keys, and the question before the program is quit.
+
+use egui::style::ScrollStyle;
+use egui::{Align, Key, Modal, RichText, ScrollArea, TextEdit, Ui, vec2};
+
+use super::actions::Group;
+use super::overlay::{SOFT, Severity};
+use super::panels::{Context, Requests};
+
+/// Least width of a column of keys, points.
+const COLUMN: f32 = 420.0;
+/// Width of the keys in a column, points.
+const KEYS: f32 = 170.0;
+/// Share of the window's width and height that the list of keys may take.
+const SHARE: f32 = 0.92;
+
+/// What covers the window until it is closed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Sheet {
+    /// The keys, of those actions that contain a text.
+    Keys {
+        /// What is searched for.
+        search: String,
+        /// True once the search has the keyboard.
+        is_open: bool,
+    },
+    /// Asks before the program is quit, since something is unfinished.
+    Quit {
+        /// What is.
+        why: String,
+    },
+}
+
+/// What becomes of a sheet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Answer {
+    /// It stays.
+    Stay,
+    /// It is closed.
+    Close,
+    /// The program is quit.
+    Quit,
+}
+
+impl Sheet {
+    /// The list of keys.
+    pub(crate) fn keys() -> Self {
+        Self::Keys { search: String::new(), is_open: false }
+    }
+
+    /// Lays the sheet out over everything else.
+    pub(crate) fn ui(&mut self, context: &Context<'_>, ui: &Ui, requests: &mut Requests) -> Answer {
+        match self {
+            Self::Keys { search, is_open } => keys(context, ui, requests, search, is_open),
+            Self::Quit { why } => quit(ui, why),
+        }
+    }
+}
+
+fn keys(context: &Context<'_>, ui: &Ui, requests: &mut Requests, search: &mut String, is_open: &mut bool) -> Answer {
+    let area = ui.ctx().content_rect().size() * SHARE - vec2(24.0, 24.0);
+    let mut answer = Answer::Stay;
+    let modal = Modal::new(egui::Id::new("keys")).show(ui.ctx(), |ui| {
+        ui.set_width(area.x.max(120.0));
+        ui.horizontal(|ui| {
+            ui.heading("Keys");
+            let width = (ui.available_width() - 90.0).clamp(60.0, 280.0);
+            let field = ui.add(TextEdit::singleline(search).hint_text("search").desired_width(width));
+            if !std::mem::replace(is_open, true) {
+                field.request_focus();
+            }
+            ui.with_layout(egui::Layout::right_to_left(Align::Center), |ui| {
+                if ui.button("Close").clicked() {
+                    answer = Answer::Close;
+                }
+            });
+        });
+        ui.separator();
+        let groups = found(context.actions.groups(), search);
+        if groups.is_empty() {
+            ui.label(format!("no action is called {search:?}"));
+        }
+        ui.spacing_mut().scroll = ScrollStyle::solid();
+        ScrollArea::vertical()
+            .max_height(area.y - 44.0)
+            .min_scrolled_height(area.y - 44.0)
+            .auto_shrink([false, true])
+            .show(ui, |ui| {
+                let columns = ((ui.available_width() / COLUMN) as usize).clamp(1, 4);
+                let shares = share_out(&groups, columns);
+                ui.columns(columns, |columns| {
+                    for (ui, share) in columns.iter_mut().zip(shares) {
+                        for group in share {
+                            if list(context, ui, requests, group) {
+                                answer = Answer::Close;
+                            }
+                        }
+                    }
+                });
+            });
+    });
+    if modal.should_close() { Answer::Close } else { answer }
+}
+
+/// Lists a group of keys. Returns true if an action was clicked.
+fn list(context: &Context<'_>, ui: &mut Ui, requests: &mut Requests, group: &Group) -> bool {
+    let mut is_chosen = false;
+    ui.add_space(4.0);
+    ui.label(RichText::new(&group.title).strong());
+    for row in &group.rows {
+        ui.horizontal(|ui| {
+            let keys = RichText::new(&row.keys).color(Severity::Notice.colour());
+            ui.allocate_ui_with_layout(vec2(KEYS, 18.0), egui::Layout::left_to_right(Align::Center), |ui| {
+                ui.set_min_width(KEYS);
+                ui.add(egui::Label::new(keys).truncate()).on_hover_text(&row.keys);
+            });
+            let action = row.id.as_deref().and_then(|id| context.actions.named(id));
+            let Some(action) = action else {
+                ui.label(&row.text);
+                return;
+            };
+            let why_not = context.why_not(action);
+            let button = ui.add_enabled(why_not.is_none(), egui::Button::new(&row.text).frame(false).wrap());
+            if button.on_disabled_hover_text(why_not.unwrap_or_default()).clicked() {
+                requests.action(&action.id);
+                is_chosen = true;
+            }
+        });
+    }
+    is_chosen
+}
+
+/// The rows of groups that contain each word of a search, in their text, their keys or their title.
+fn found(groups: Vec<Group>, search: &str) -> Vec<Group> {
+    let words: Vec<String> = search.split_whitespace().map(str::to_lowercase).collect();
+    let keep = |group: Group| {
+        let title = group.title.to_lowercase();
+        let rows = group.rows.into_iter().filter(|row| {
+            let text = format!("{title} {} {}", row.text.to_lowercase(), row.keys.to_lowercase());
+            words.iter().all(|w| text.contains(w.as_str()))
+        });
+        Group { rows: rows.collect(), title: group.title }
+    };
+    groups.into_iter().map(keep).filter(|g| !g.rows.is_empty()).collect()
+}
+
+/// Shares groups out among columns, in their order, so that the columns are about as long as each other.
+fn share_out(groups: &[Group], columns: usize) -> Vec<&[Group]> {
+    let length = |g: &Group| g.rows.len() + 2;
+    let total: usize = groups.iter().map(length).sum();
+    let mut shares = Vec::new();
+    let (mut from, mut done) = (0, 0);
+    for column in 1..=columns {
+        let mut to = from;
+        while to < groups.len() && (column == columns || done + length(&groups[to]) / 2 < total * column / columns) {
+            done += length(&groups[to]);
+            to += 1;
+        }
+        shares.push(&groups[from..to]);
+        from = to;
+    }
+    shares
+}
+
+fn quit(ui: &Ui, why: &str) -> Answer {
+    let mut answer = Answer::Stay;
+    let modal = Modal::new(egui::Id::new("quit")).show(ui.ctx(), |ui| {
+        ui.set_width(320.0);
+        ui.heading("Quit?");
+        ui.label(why);
+        ui.label(RichText::new("Answers, distances and the place are kept.").color(SOFT));
+        ui.add_space(8.0);
+        ui.horizontal(|ui| {
+            let go_on = ui.button("Go on");
+            let enter = ui.input(|i| i.key_pressed(Key::Enter));
+            if ui.button("Quit").clicked() || enter {
+                answer = Answer::Quit;
+            }
+            if go_on.clicked() {
+                answer = Answer::Close;
+            }
+        });
+    });
+    if modal.should_close() { Answer::Close } else { answer }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::host::window::actions::HelpRow;
+
+    fn group(title: &str, rows: &[(&str, &str)]) -> Group {
+        let row =
+            |(keys, text): &(&str, &str)| HelpRow { keys: (*keys).to_owned(), text: (*text).to_owned(), id: None };
+        Group { title: title.to_owned(), rows: rows.iter().map(row).collect() }
+    }
+
+    #[test]
+    fn a_search_finds_words_in_texts_keys_and_titles() {
+        let all = || vec![group("Flight", &[("R", "turn round"), ("+", "faster")]), group("View", &[("X", "tag")])];
+        let texts = |search: &str| -> Vec<String> {
+            found(all(), search).into_iter().flat_map(|g| g.rows).map(|r| r.text).collect()
+        };
+        assert_eq!(texts(""), ["turn round", "faster", "tag"]);
+        assert_eq!(texts("ROUND turn"), ["turn round"]);
+        assert_eq!(texts("view"), ["tag"]);
+        assert_eq!(texts("+"), ["faster"]);
+        assert!(texts("warp").is_empty());
+    }
+
+    #[test]
+    fn columns_hold_all_groups_in_order() {
+        let all: Vec<Group> = (1..8).map(|n| group(&n.to_string(), &vec![("a", "b"); n])).collect();
+        for columns in 1..5 {
+            let shares = share_out(&all, columns);
+            assert_eq!(shares.len(), columns);
+            assert_eq!(shares.concat(), all);
+            let longest = shares.iter().map(|s| s.iter().map(|g| g.rows.len() + 2).sum::<usize>()).max().unwrap();
+            assert!(longest <= 42 / columns + 9, "{columns}: {longest}");
+        }
+        assert!(share_out(&[], 3).iter().all(|s| s.is_empty()));
+    }
+}
