@@ -21,7 +21,9 @@ struct Widths {
 
 fn widths(args: &Widths, session: &Session<'_>) -> Result<()> {
     let scene = Scene { steering: Scene::guided_by("path").steering, ..session.scene() };
+    let bar = session.progress_bar();
     let flight = session.open(args.input.as_deref())?.flight(scene, &FlightRequest::default())?;
+    drop(bar);
     let Some(route) = flight.setup().fields.route() else { return Ok(()) };
     let lines = (0..).map(|n| f64::from(n) * args.every.max(1.0)).take_while(|&s| s < route.length_mm());
     let text = lines.map(|s| format!("{s:6.0} mm  {:5.1} mm wide", 2.0 * route.clearance(s)));

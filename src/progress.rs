@@ -1,9 +1,12 @@
 //! Progress of a long-running job, shared between worker and display, with cancellation.
 
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex};
+use std::fmt;
+use std::sync::atomic::Ordering::{Relaxed, SeqCst};
+use std::sync::atomic::{AtomicBool, AtomicU64};
+use std::sync::{Arc, Mutex, OnceLock};
 
 use crate::error::{Error, Result};
+use crate::panics;
 
 /// Progress of one job, cheap to update from any thread. A clone refers to the same job.
 ///
@@ -30,6 +33,27 @@ struct Job {
     cancelled: AtomicBool,
     /// True if the cancellation has ended a call.
     ended: AtomicBool,
+    listener: Option<Listener>,
+}
+
+/// A callback, and what it was told.
+struct Listener {
+    /// The callback. Its lock is held while it runs, so that it runs once at a time.
+    call: Mutex<Box<OnChange>>,
+    /// Number of changes to tell.
+    changes: AtomicU64,
+    /// The last percentage of this stage that counted as a change, plus one.
+    percent: AtomicU64,
+    /// Why it is not called any more: it has panicked.
+    fault: OnceLock<String>,
+}
+
+type OnChange = dyn Fn(&str, Option<f64>) + Send + Sync;
+
+impl fmt::Debug for Listener {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Listener").field("fault", &self.fault).finish_non_exhaustive()
+    }
 }
 
 impl Progress {
@@ -38,27 +62,105 @@ impl Progress {
         Self::default()
     }
 
+    /// Creates a job that calls `on_change` with the name of the stage and its share that is done, 0 to 1 (`None` if the whole is
+    /// unknown): at the beginning of each stage, and whenever another per cent of it is done.
+    ///
+    /// It is called on the thread that does the work, which may be any thread of a pool, and one call at a time. The work waits for
+    /// it, so it should be fast. It may cancel the job. If it panics, it is not called again, and the work ends with an error that
+    /// tells so.
+    ///
+    /// ```
+    /// use std::sync::{Arc, Mutex};
+    ///
+    /// use colvis::app::{OpenOptions, Scan};
+    /// use colvis::progress::Progress;
+    ///
+    /// let stages = Arc::new(Mutex::new(Vec::new()));
+    /// let told = Arc::clone(&stages);
+    /// let progress = Progress::with_callback(move |stage, share| {
+    ///     if share.is_none_or(|s| s == 0.0) {
+    ///         told.lock().unwrap().push(stage.to_owned());
+    ///     }
+    /// });
+    /// Scan::phantom_with(1, &OpenOptions { progress: Arc::new(progress), ..OpenOptions::default() })?;
+    /// assert!(!stages.lock().unwrap().is_empty());
+    /// # Ok::<(), colvis::error::Error>(())
+    /// ```
+    pub fn with_callback(on_change: impl Fn(&str, Option<f64>) + Send + Sync + 'static) -> Self {
+        let listener = Listener {
+            call: Mutex::new(Box::new(on_change)),
+            changes: AtomicU64::new(0),
+            percent: AtomicU64::new(0),
+            fault: OnceLock::new(),
+        };
+        Self(Arc::new(Job { listener: Some(listener), ..Job::default() }))
+    }
+
     /// Begins a stage of `total` units (bytes, slices, …; 0 if unknown). `name` is shown to the user.
     pub fn stage(&self, name: &str, total: u64) {
         *self.0.stage.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = name.to_owned();
         self.0.done.store(0, Relaxed);
         self.0.total.store(total, Relaxed);
+        if let Some(listener) = &self.0.listener {
+            // Nothing done is told here, so it is no change later.
+            listener.percent.store(1, Relaxed);
+            self.tell(listener);
+        }
+    }
+
+    /// Tells a change. If another thread is telling one, that thread tells this one, too, so that nobody waits, and the callback
+    /// may itself begin a stage.
+    fn tell(&self, listener: &Listener) {
+        listener.changes.fetch_add(1, SeqCst);
+        loop {
+            let call = match listener.call.try_lock() {
+                Ok(call) => call,
+                Err(std::sync::TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
+                Err(std::sync::TryLockError::WouldBlock) => return,
+            };
+            let told = listener.changes.load(SeqCst);
+            if listener.fault.get().is_none() {
+                let (stage, done, total) = self.snapshot();
+                let share = (total > 0).then(|| done.min(total) as f64 / total as f64);
+                if let Err(why) = panics::catch(|| call(&stage, share)) {
+                    listener.fault.get_or_init(|| why);
+                }
+            }
+            drop(call);
+            if listener.changes.load(SeqCst) == told {
+                return;
+            }
+        }
     }
 
     /// Counts `n` finished units.
     ///
     /// # Errors
-    /// Returns status 4 if the job was cancelled. The worker gives up and leaves nothing half done.
+    /// As [`Progress::check`]. The worker gives up and leaves nothing half done.
     pub fn advance(&self, n: u64) -> Result<()> {
-        self.0.done.fetch_add(n, Relaxed);
+        let done = self.0.done.fetch_add(n, Relaxed).saturating_add(n);
+        if let Some(listener) = &self.0.listener {
+            let total = self.0.total.load(Relaxed);
+            let percent = if total > 0 { (u128::from(done.min(total)) * 100 / u128::from(total)) as u64 } else { 0 };
+            if listener.percent.fetch_max(percent + 1, Relaxed) < percent + 1 {
+                self.tell(listener);
+            }
+        }
         self.check()
     }
 
     /// Checks for cancellation.
     ///
     /// # Errors
-    /// Returns status 4 if the job was cancelled.
+    /// Returns status 4 if the job was cancelled, and 1 if its callback has panicked.
     pub fn check(&self) -> Result<()> {
+        if let Some(why) = self.0.listener.as_ref().and_then(|l| l.fault.get()) {
+            return Err(Error::fault(
+                "callback of the progress",
+                format!("panicked: {why}"),
+                "fix it, or do without it",
+            ));
+        }
         if self.is_cancelled() { Err(Error::cancelled(self.snapshot().0)) } else { Ok(()) }
     }
 
@@ -111,5 +213,83 @@ mod tests {
         progress.call(|| Ok(())).unwrap();
         progress.cancel();
         assert!(progress.call(|| progress.check()).is_err() && progress.call(|| progress.check()).is_ok());
+    }
+
+    type Heard = Arc<Mutex<Vec<(String, Option<f64>)>>>;
+
+    /// Returns a job, and what its callback was told.
+    fn heard() -> (Progress, Heard) {
+        let heard = Arc::new(Mutex::new(Vec::new()));
+        let told = Arc::clone(&heard);
+        let progress =
+            Progress::with_callback(move |stage, share| told.lock().unwrap().push((stage.to_owned(), share)));
+        (progress, heard)
+    }
+
+    #[test]
+    fn a_callback_is_told_each_stage_and_each_per_cent_of_it() {
+        let (progress, heard) = heard();
+        progress.stage("reading", 1000);
+        let thread = std::thread::current().id();
+        (0..1000).for_each(|_| progress.clone().advance(1).unwrap());
+        progress.stage("of unknown length", 0);
+        progress.advance(7).unwrap();
+        progress.stage("short", 2);
+        progress.advance(1).unwrap();
+        progress.advance(9).unwrap();
+        let heard = std::mem::take(&mut *heard.lock().unwrap());
+        let of = |stage: &str| heard.iter().filter(|h| h.0 == stage).map(|h| h.1).collect::<Vec<_>>();
+        assert_eq!(of("reading"), (0..=100).map(|n| Some(f64::from(n) / 100.0)).collect::<Vec<_>>());
+        assert_eq!(of("of unknown length"), [None]);
+        assert_eq!(of("short"), [Some(0.0), Some(0.5), Some(1.0)]);
+        let on = Arc::new(Mutex::new(Vec::new()));
+        let threads = Arc::clone(&on);
+        let progress = Progress::with_callback(move |_, _| threads.lock().unwrap().push(std::thread::current().id()));
+        progress.stage("here", 1);
+        assert_eq!(*on.lock().unwrap(), [thread], "the one that works");
+    }
+
+    #[test]
+    fn a_callback_of_many_threads_hears_the_end_and_never_goes_back() {
+        for _ in 0..20 {
+            let (progress, heard) = heard();
+            progress.stage("flying", 400);
+            std::thread::scope(|s| {
+                for _ in 0..4 {
+                    s.spawn(|| (0..100).for_each(|_| progress.advance(1).unwrap()));
+                }
+            });
+            let shares: Vec<f64> = heard.lock().unwrap().iter().map(|h| h.1.unwrap()).collect();
+            assert!(shares.is_sorted() && shares.last() == Some(&1.0), "{shares:?}");
+        }
+    }
+
+    #[test]
+    fn a_callback_may_cancel_and_begin_a_stage_and_its_panic_is_told() {
+        let own = Arc::new(OnceLock::<Progress>::new());
+        let inside = Arc::clone(&own);
+        let progress = Progress::with_callback(move |stage, _| {
+            let Some(progress) = inside.get() else { return };
+            match stage {
+                "first" => progress.stage("second", 0),
+                _ => progress.cancel(),
+            }
+        });
+        own.set(progress.clone()).unwrap();
+        progress.stage("first", 10);
+        assert!(progress.is_cancelled() && progress.snapshot().0 == "second");
+        assert_eq!(progress.advance(1).unwrap_err().kind as u8, 4);
+
+        let calls = Arc::new(AtomicU64::new(0));
+        let counted = Arc::clone(&calls);
+        let progress = Progress::with_callback(move |_, _| {
+            counted.fetch_add(1, Relaxed);
+            panic!("told badly");
+        });
+        progress.stage("reading", 10);
+        let e = progress.advance(5).unwrap_err();
+        let told = e.to_string();
+        assert!(e.kind as u8 == 1 && told.contains("callback of the progress: panicked: told badly"), "{told}");
+        assert_eq!(calls.load(Relaxed), 1, "not again");
     }
 }

@@ -46,7 +46,7 @@ use args::{Args, Command};
 pub use clap;
 use files::Files;
 use own::OwnCommand;
-pub use own::Session;
+pub use own::{ProgressBar, Session};
 
 /// The program `colvis`, with everything that another program adds to it.
 ///

@@ -10,6 +10,7 @@ use crate::app::{Catalog, Scan, Scene};
 use crate::cli::args::Global;
 use crate::cli::{Program, prepare};
 use crate::error::{Error, Result};
+pub use crate::host::terminal::Bar as ProgressBar;
 use crate::panics::ask_plugin;
 use crate::progress::Progress;
 
@@ -50,6 +51,15 @@ impl Session<'_> {
     /// Progress of the work; reports interrupts.
     pub fn progress(&self) -> &Arc<Progress> {
         self.progress
+    }
+
+    /// Shows [`Session::progress`] on the terminal, as the commands of colvis do, until the bar is dropped: the stage, its share and
+    /// the time. Shows nothing if standard error is not a terminal. Drop it before you print.
+    ///
+    /// The work of colvis tells its stages itself, [`Session::open`] among them. Work of your own calls [`Progress::stage`] and
+    /// [`Progress::advance`].
+    pub fn progress_bar(&self) -> ProgressBar {
+        ProgressBar::show(self.progress)
     }
 
     /// Writes to standard output. A reader that closes early (`… | head -1`) is not an error.

@@ -133,8 +133,10 @@ fn fly_steps(
                 if let Some(log) = &mut log {
                     log.add(flight.take_log())?;
                 }
-                if progress.advance(1).is_err() {
-                    return Ok(true);
+                match progress.advance(1) {
+                    Ok(()) => {}
+                    Err(_) if progress.is_cancelled() => return Ok(true),
+                    Err(e) => return Err(e),
                 }
                 if flight.flight().state != State::Flying {
                     break;

@@ -10,8 +10,11 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::progress::Progress;
 
-/// Shows a job's progress until dropped.
-pub(crate) struct Bar {
+/// A progress bar on the terminal until dropped; nothing if standard error is not a terminal.
+///
+/// [`Session::progress_bar`](crate::cli::Session::progress_bar) makes one.
+#[must_use = "the bar is shown until it is dropped"]
+pub struct Bar {
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
