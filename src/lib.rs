@@ -75,6 +75,7 @@
 //! | a view | [`components::output::Picture`] | [`app::Views::add`], a plug-in | `examples/own_view.rs` | |
 //! | a post-process | a system in [`PostProcess`](schedule::FlightSystems::PostProcess) | a plug-in | `examples/own_post_process.rs` | |
 //! | systems, with settings and state | [`schedule::Plugin`] | [`Program::plugin`](cli::Program::plugin) | `examples/own_plugin.rs`, `examples/test_one_system.rs` | `systems/` |
+//! | statistics of a flight | [`Plugin::stats`](schedule::Plugin::stats) | [`Program::plugin`](cli::Program::plugin) | `examples/own_stats.rs` | |
 //! | a polyp detector | [`polyps::Detector`] | [`Program::detector`](cli::Program::detector) | `examples/own_detector.rs` | `src/polyps/detectors/` |
 //! | a command | `clap::Args`, [`cli::Session`] | [`Program::command`](cli::Program::command) | `examples/own_command.rs` | `src/cli/` |
 //!

@@ -57,6 +57,15 @@ pub trait Plugin: Send + Sync + 'static {
         options.none().map(|()| None)
     }
 
+    /// Returns what goes into the statistics of a flight (`fly --stats`) under `plugins` and the plug-in's name, or `None`.
+    ///
+    /// Asked once, after the flight, headless and in a window, if statistics are written. Keys are sorted, and numbers that are not
+    /// finite become `null`. `examples/own_stats.rs` is a complete example.
+    fn stats(&self, app: &App) -> Option<serde_json::Value> {
+        let _ = app;
+        None
+    }
+
     /// Adds the plug-in's parts to the flight.
     ///
     /// The scan and the camera exist, but the camera has a pose only once the flight sets out.

@@ -10,11 +10,12 @@ use std::path::{Path, PathBuf};
 const FIELDS: [&str; 8] = ["make", "check", "takes", "find", "draw", "run", "augment", "plug"];
 
 /// Methods of traits that other crates implement, as they are called.
-const METHODS: [&str; 10] = [
+const METHODS: [&str; 11] = [
     "guide.cruise_mm_s(",
     "settings.cruise_mm_s(",
     ".with_options(",
     "plugin.build(",
+    "plugin.stats(",
     "guide.plug(",
     "settings.check()",
     "presenter.present(",

@@ -258,6 +258,58 @@ fn no_quality_replaces_an_own_preset() {
     }
 }
 
+/// A plug-in that tells of a flight, or panics when it is asked.
+struct Tells(&'static str, fn(&App) -> Option<serde_json::Value>);
+
+impl Plugin for Tells {
+    fn name(&self) -> std::borrow::Cow<'static, str> {
+        self.0.into()
+    }
+
+    fn build(&self, app: &mut App) -> Result<()> {
+        app.world.insert_resource(Told(0.5));
+        Ok(())
+    }
+
+    fn stats(&self, app: &App) -> Option<serde_json::Value> {
+        (self.1)(app)
+    }
+}
+
+#[test]
+fn plug_ins_tell_of_a_flight_in_its_statistics() {
+    let first = |app: &App| Some(serde_json::json!({"zeta": f64::NAN, "alpha": app.world.resource::<Told>().0}));
+    let told = || {
+        let program = Program::default().plugin(("systems alone", nothing)).plugin(Tells("last", first));
+        program.plugin(Tells("silent", |_| None)).plugin(Tells("early", |_| Some(serde_json::json!([1, "two"]))))
+    };
+    let bad = |program: Program| program.plugin(Tells("bad", |_| panic!("told badly")));
+    let dir = tempfile::tempdir().unwrap();
+    let path = |file: &str| dir.path().join(file).to_string_lossy().into_owned();
+    let short = ["colvis", "fly", "--headless", "--seconds", "0.05"];
+    let fly = |program: Program, file: &str| {
+        program.run_from(short.iter().copied().map(str::to_owned).chain(["--stats".to_owned(), path(file)]))
+    };
+    // The first run in a process replaces the panic hook.
+    let hook = std::panic::take_hook();
+    let outcomes = [
+        fly(told(), "told.json"),
+        fly(bad(told()), "bad.json"),
+        fly(Program::default().plugin(("systems alone", nothing)), "none.json"),
+        // Whoever writes no statistics asks for none.
+        bad(Program::default()).run_from(short),
+    ];
+    std::panic::set_hook(hook);
+    assert_eq!(outcomes, [ExitCode::SUCCESS, ExitCode::from(1), ExitCode::SUCCESS, ExitCode::SUCCESS]);
+    let plugins = |file: &str| {
+        let all: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(path(file)).unwrap()).unwrap();
+        all.get("plugins").map(|p| serde_json::to_string(p).unwrap())
+    };
+    let expected = r#"{"early":[1,"two"],"last":{"alpha":0.5,"zeta":null}}"#;
+    assert_eq!([plugins("told.json"), plugins("bad.json")].map(Option::unwrap), [expected; 2]);
+    assert_eq!(plugins("none.json"), None);
+}
+
 #[test]
 fn a_view_angle_beyond_the_usual_is_explained_for_a_camera_of_the_scene() {
     let dir = tempfile::tempdir().unwrap();

@@ -274,6 +274,21 @@ impl FlightApp {
         notes
     }
 
+    /// Returns what the plug-ins tell about the flight ([`Plugin::stats`](crate::schedule::Plugin::stats)), by their names, and the
+    /// error of the first that has panicked while it was asked. The others are asked all the same.
+    pub fn plugin_stats(&self) -> (serde_json::Map<String, serde_json::Value>, Result<()>) {
+        let (mut told, mut outcome) = (serde_json::Map::new(), Ok(()));
+        for plugin in self.setup.scene.plugins.iter() {
+            let name = plugin.name();
+            match panics::ask_plugin(|| format!("plug-in {name}"), || Ok(plugin.stats(&self.app))) {
+                Ok(Some(stats)) => _ = told.insert(name.into_owned(), stats),
+                Ok(None) => {}
+                Err(e) => outcome = outcome.and(Err(e)),
+            }
+        }
+        (told, outcome)
+    }
+
     /// Takes the log lines written since the last call.
     pub fn take_log(&mut self) -> Vec<LogLine> {
         self.app.world.get_resource_mut::<FlightLog>().map_or_else(Vec::new, |mut l| std::mem::take(&mut l.0))

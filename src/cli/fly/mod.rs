@@ -375,10 +375,11 @@ fn fly_with(
         (Some(covering), Some(seen)) if flown.is_ok() => Some(covering.stats(seen)),
         _ => None,
     };
-    let stats = stats(&flight, &timings, &frames, covered.as_ref());
+    let mut stats = stats(&flight, &timings, &frames, covered.as_ref());
+    let asked = ask_plugins(args, &flight, &mut stats);
     drop(bar);
     let left = leave(args, &flight, &stats);
-    flown.and(left)?;
+    flown.and(left).and(asked)?;
     report(&flight);
     if short {
         output::to_stderr(format_args!("see {SHORT_FILM} and {SHORT_LOG}"));
@@ -430,6 +431,21 @@ fn stats(
         None => m.extend(flight_stats(flight)),
     }
     m.into()
+}
+
+/// Adds what plug-ins tell to the stats, under `plugins` and their names, if stats are written.
+///
+/// # Errors
+/// Returns status 1 with the name of the first that panics. What the others tell is added all the same.
+fn ask_plugins(args: &FlyArgs, flight: &FlightApp, stats: &mut serde_json::Value) -> Result<()> {
+    if args.stats.is_none() {
+        return Ok(());
+    }
+    let (plugins, outcome) = flight.plugin_stats();
+    if let Some(stats) = stats.as_object_mut().filter(|_| !plugins.is_empty()) {
+        stats.insert("plugins".to_owned(), plugins.into());
+    }
+    outcome
 }
 
 /// How a flight went.

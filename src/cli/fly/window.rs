@@ -9,7 +9,7 @@ use serde_json::json;
 
 use super::covering::Covering;
 use super::files::read_commands;
-use super::{Screen, flight, leave, leave_unflown, open, overlays, say, scene, stats};
+use super::{Screen, ask_plugins, flight, leave, leave_unflown, open, overlays, say, scene, stats};
 use crate::app::{FlightApp, Scene, Timings};
 use crate::cli::Program;
 use crate::cli::args::{FlyArgs, Global};
@@ -189,6 +189,9 @@ fn opening(
         let mut stats = stats(flight, &timings, frames, covered.as_ref());
         if let (serde_json::Value::Object(shown), Some(stats)) = (json!(shown), stats.as_object_mut()) {
             stats.extend(shown);
+        }
+        if let Err(e) = ask_plugins(&finish_args, flight, &mut stats) {
+            say(&format!("{}: {}; its statistics are left out", e.what, e.why));
         }
         leave(&finish_args, flight, &stats)
     });
