@@ -72,6 +72,7 @@
 //! | a shader | [`render::ShaderModel`], [`render::Shader`] | [`Program::shader`](cli::Program::shader) | `examples/own_shader.rs` | `src/render/shaders/` |
 //! | an overlay | [`app::Overlay`] | [`Program::overlay`](cli::Program::overlay) | `examples/own_overlay.rs` | `src/app/overlays/` |
 //! | a panel | `panel::Panel`, `panel::PanelEntry` | `Program::panel` | `examples/own_panel.rs` | `src/host/window/panels/` |
+//! | an action in the window | `panel::ActionEntry` | `Program::action` | `examples/own_action.rs` | `src/host/window/actions.rs` |
 //! | a view | [`components::output::Picture`] | [`app::Views::add`], a plug-in | `examples/own_view.rs` | |
 //! | a post-process | a system in [`PostProcess`](schedule::FlightSystems::PostProcess) | a plug-in | `examples/own_post_process.rs` | |
 //! | systems, with settings and state | [`schedule::Plugin`] | [`Program::plugin`](cli::Program::plugin) | `examples/own_plugin.rs`, `examples/test_one_system.rs` | `systems/` |
@@ -189,6 +190,7 @@
 //! - **Shader**: computes the colour of a point of the wall: [`render::Shader`].
 //! - **Overlay**: a drawing that a window adds on top of its picture: [`app::Overlay`].
 //! - **Panel**: a part of the window with its own widgets or pictures: `panel::Panel`.
+//! - **Action**: something that the operator can do in a window, by a key, the menu or a button: `panel::ActionEntry`.
 
 pub mod app;
 pub mod cli;
@@ -236,6 +238,6 @@ pub use toml;
 /// The GUI library of the window's panels.
 #[cfg(feature = "window")]
 pub use egui;
-/// Panels: the parts of the window, each in its own file.
+/// Panels, the parts of the window, each in its own file; and actions of other crates.
 #[cfg(feature = "window")]
 pub use host::window::panels as panel;

@@ -2,8 +2,12 @@
 
 use std::sync::Arc;
 
+#[cfg(feature = "window")]
+use crate::app::FlightApp;
 use crate::app::explain::explain;
 use crate::cli::args::{ExplainArgs, Global};
+#[cfg(feature = "window")]
+use crate::cli::prepare::say;
 use crate::cli::{Program, fly, print};
 use crate::components::output::FrameCache;
 #[cfg(feature = "window")]
@@ -58,8 +62,25 @@ pub(crate) fn run(program: &Program, args: &ExplainArgs, global: &Global, progre
     };
     print(|out| writeln!(out, "{}", text.trim_end()))?;
     #[cfg(feature = "window")]
-    if let Some(file) = crate::host::window::settings_file().filter(|_| windowed && !args.json) {
+    if windowed && !args.json {
+        print_window(program, &flight)?;
+    }
+    Ok(())
+}
+
+/// Prints the actions of the window and the path of its settings.
+#[cfg(feature = "window")]
+fn print_window(program: &Program, flight: &FlightApp) -> Result<()> {
+    let (actions, unsettled) = program.action_list(&flight.setup().scene.guides)?;
+    let wide = |n: usize| actions.iter().map(|a| a[n].chars().count()).max().unwrap_or(0);
+    let (ids, keys) = (wide(0), wide(1));
+    let rows: String = actions.iter().map(|[id, key, text]| format!("  {id:ids$}  {key:keys$}  {text}\n")).collect();
+    print(|out| write!(out, "actions of the window (their ids stand in its settings, under [keys]):\n{rows}"))?;
+    if let Some(file) = crate::host::window::settings_file() {
         print(|out| writeln!(out, "settings of the window:\n  {}", file.display()))?;
+    }
+    if let Some(e) = unsettled {
+        say(&e.to_string());
     }
     Ok(())
 }

@@ -35,12 +35,14 @@ use crate::app::{Catalog, Overlay};
 use crate::error::{Error, Result};
 use crate::host::terminal::Bar;
 #[cfg(feature = "window")]
-use crate::host::window::panels::PanelEntry;
+use crate::host::window::panels::{ActionEntry, PanelEntry};
 use crate::output;
 use crate::panics::{is_catching, note_place};
 use crate::polyps::Detector;
 use crate::progress::Progress;
 use crate::render::{CameraModel, Preset, ShaderModel};
+#[cfg(feature = "window")]
+use crate::schedule::Guides;
 use crate::schedule::{Guide, Look, Plugin};
 use args::{Args, Command};
 pub use clap;
@@ -75,6 +77,7 @@ pub use own::{ProgressBar, Session};
 /// | [`look`](Self::look) | where the camera looks | `[view] look` |
 /// | [`overlay`](Self::overlay) | marks over the picture | its key, `fly --overlay` |
 /// | `panel` | a part of the window | its key, the menu |
+/// | `action` | an action in the window | its key, the menu, panels |
 /// | [`detector`](Self::detector) | a method that finds polyps | `--detector` of `candidates` and `fly`, `report candidates` |
 /// | [`plugin`](Self::plugin) | systems, views, post-processes | every flight |
 /// | [`command`](Self::command) | a command | its name |
@@ -87,6 +90,8 @@ pub struct Program {
     commands: Vec<OwnCommand>,
     #[cfg(feature = "window")]
     panels: Vec<PanelEntry>,
+    #[cfg(feature = "window")]
+    actions: Vec<ActionEntry>,
 }
 
 impl Program {
@@ -143,6 +148,16 @@ impl Program {
         self
     }
 
+    /// Adds an action to the window: to its menu *Flight*, with its key and its row of help, to the settings file, and for panels.
+    ///
+    /// A duplicate id or key is refused when the program runs.
+    #[cfg(feature = "window")]
+    #[must_use]
+    pub fn action(mut self, action: ActionEntry) -> Self {
+        self.actions.push(action);
+        self
+    }
+
     /// All panels of the window.
     #[cfg(feature = "window")]
     fn all_panels(&self) -> Vec<PanelEntry> {
@@ -152,7 +167,12 @@ impl Program {
     /// The window's keys and their actions; empty in builds without a window.
     fn key_help(&self) -> Result<Vec<(String, String)>> {
         #[cfg(feature = "window")]
-        return crate::host::window::key_help(&self.catalog.guides, &self.catalog.overlays, &self.all_panels());
+        return crate::host::window::key_help(
+            &self.catalog.guides,
+            &self.catalog.overlays,
+            &self.all_panels(),
+            &self.actions,
+        );
         #[cfg(not(feature = "window"))]
         Ok(Vec::new())
     }
@@ -163,6 +183,12 @@ impl Program {
         return crate::host::window::key_page(&self.catalog.guides, &self.catalog.overlays, &self.all_panels());
         #[cfg(not(feature = "window"))]
         Err(Error::usage("--help keys", "this build has no window", "build it with the feature window"))
+    }
+
+    /// Id, keys and text of every action of a window with these guides, with the user's keys, and the error in the user's settings.
+    #[cfg(feature = "window")]
+    fn action_list(&self, guides: &Guides) -> Result<(Vec<[String; 3]>, Option<Error>)> {
+        crate::host::window::action_list(guides, &self.catalog.overlays, &self.all_panels(), &self.actions)
     }
 
     /// Adds a plug-in to every flight: in the window, headless, in `explain` and in `report scenes`.

@@ -450,6 +450,37 @@ fn explain_tells_of_the_slices_that_a_layout_shows() {
     }
 }
 
+#[test]
+#[cfg(feature = "window")]
+fn explain_lists_the_actions_by_their_ids_and_the_settings_that_take_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let settings = folder.path().join("colvis/settings.toml");
+    std::fs::create_dir_all(settings.parent().unwrap()).unwrap();
+    let explained = |keys: &str| {
+        std::fs::write(&settings, format!("version = 1\n[keys]\n{keys}\n")).unwrap();
+        let out = colvis().arg("explain").env("XDG_CONFIG_HOME", folder.path()).output().unwrap();
+        assert!(out.status.success());
+        [out.stdout, out.stderr].map(|text| String::from_utf8_lossy(&text).into_owned())
+    };
+    let row = |told: &str, id: &str| {
+        let line = told
+            .lines()
+            .skip_while(|l| !l.starts_with("actions of the window"))
+            .find(|l| l.split_whitespace().next() == Some(id));
+        line.unwrap_or_default().split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    let [told, said] = explained("");
+    assert_eq!(row(&told, "reverse"), "reverse R, B, Backspace turn round and fly back");
+    assert_eq!(row(&told, "guide-path"), "guide-path 3 switch to guide path");
+    assert!(!said.contains("note: "), "{said}");
+    if cfg!(target_os = "linux") {
+        assert_eq!(row(&explained("reverse = [\"Z\"]")[0], "reverse"), "reverse Z turn round and fly back");
+        let [told, said] = explained("warp = [\"Z\"]");
+        assert_eq!(row(&told, "reverse"), "reverse R, B, Backspace turn round and fly back");
+        assert!(said.contains("there is no action \"warp\"; ") && said.contains("explain lists them"), "{said}");
+    }
+}
+
 /// A program of another crate runs the same code under its own name.
 #[test]
 fn hints_name_the_program_that_runs() {

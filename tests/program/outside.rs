@@ -54,7 +54,9 @@ fn examples_need_no_other_versions_and_no_later_fields() {
                 .find(|c| line.starts_with(&format!("use {c}")));
             assert_eq!(own, None, "{}: {line}", path.display());
         }
-        for entry in ["CameraModel", "ShaderModel", "Preset", "Look", "Detector", "Overlay", "PanelEntry"] {
+        for entry in
+            ["CameraModel", "ShaderModel", "Preset", "Look", "Detector", "Overlay", "PanelEntry", "ActionEntry"]
+        {
             let literals = text.matches(&format!("{entry} {{")).count();
             assert_eq!(text.matches(&format!("..{entry}::")).count(), literals, "{}: {entry}", path.display());
         }

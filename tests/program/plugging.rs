@@ -98,6 +98,25 @@ fn names_and_keys_that_are_taken_are_refused_with_both_owners() {
         let told = taken.check().unwrap_err().to_string();
         assert!(told.contains("by the window's ") && told.contains(" and by "), "{told}");
     }
+    #[cfg(feature = "window")]
+    {
+        use colvis::panel::{ActionEntry, PanelEntry};
+        let action = |id, key| ActionEntry { id, key, ..ActionEntry::BASE };
+        let keyed = PanelEntry { name: "keyed", title: "Keyed", key: Some('y'), ..PanelEntry::NONE };
+        for (program, owners) in [
+            (program().action(action("pause", None)), ["the window's pause", "action pause"]),
+            (program().action(action("own", Some('w'))), ["the window's forward", "action own"]),
+            (program().action(action("own", Some('y'))).panel(keyed), ["panel keyed", "action own"]),
+            (
+                program().overlay(overlay("x", None)).action(action("overlay-x", None)),
+                ["overlay x", "action overlay-x"],
+            ),
+        ] {
+            let told = program.check().expect_err(owners[1]).to_string();
+            assert!(owners.iter().all(|o| told.contains(o)) && !told.contains('\n'), "{owners:?}: {told}");
+        }
+        program().action(action("own", Some('y'))).check().unwrap();
+    }
     let own = program()
         .guide::<Fine>()
         .preset(preset("own preset"))

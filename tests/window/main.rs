@@ -794,3 +794,28 @@ fn examples_of_plug_ins_in_a_window() {
         assert!(status.success() && err.is_empty(), "{name}: {status}: {err}");
     }
 }
+
+/// An action of another crate has its key, and its commands are recorded like those of the operator.
+#[test]
+fn an_action_of_another_crate_in_a_window() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let program = Path::new(colvis().get_program()).with_file_name("examples").join("own_action");
+    if !program.exists() {
+        skip("examples", &format!("{} is not built: plain `cargo test --release` builds it", program.display()));
+        return;
+    }
+    let args = ["fly", "--size", "640x480", "--layout", "flight", "--record-input", "hand.jsonl"];
+    let mut window = screen.open_program(Command::new(program), folder, &args, flies);
+    // There must be a way back.
+    std::thread::sleep(Duration::from_secs(2));
+    screen.key("y");
+    screen.key("q");
+    let status = window.wait();
+    let (_, err) = window.output();
+    assert!(status.success() && err.is_empty(), "{status}: {err}");
+    let hand = fs::read_to_string(folder.join("hand.jsonl")).unwrap();
+    let commands: Vec<&str> = hand.lines().filter_map(|l| l.split("\"command\":").nth(1)).collect();
+    assert!(commands.len() == 2 && commands[0].starts_with("{\"seek\":") && commands[1].contains("true"), "{hand}");
+}

@@ -27,14 +27,14 @@ mod cases {
     use colvis::components::scan::Scan as ScanData;
     use colvis::egui::{Align2, Color32, FontId, RichText, Shape, Stroke, Ui, pos2};
     use colvis::error::Result;
-    use colvis::panel::{Context, Panel, PanelEntry, Requests};
-    use colvis::schedule::{App, FlightSystems, Main, Slot, note, report_fault};
+    use colvis::panel::{ActionEntry, Context, Panel, PanelEntry, Requests};
+    use colvis::schedule::{App, FlightSystems, Main, Plugin, Slot, note, report_fault};
     use colvis::systems::present::{self, Presenter};
     use glam::DVec3;
 
     /// What a case must come to: its name, the exit status, the fewest lines of the log (of 30; the step in which something is taken
     /// may be missing), and what is said. Nothing is said where that is empty.
-    pub(crate) const ALL: [(&str, i32, usize, &str); 24] = [
+    pub(crate) const ALL: [(&str, i32, usize, &str); 30] = [
         ("nothing", 0, 30, ""),
         ("presents, too", 0, 30, ""),
         ("presents badly", 0, 30, "presenter dark room: panicked: presented badly"),
@@ -59,6 +59,12 @@ mod cases {
         ("panel with absurd shapes", 0, 30, "panel bad draws shapes without a reasonable size"),
         ("panel with absurd places", 0, 30, "panel bad draws shapes without a reasonable size"),
         ("two panels panic", 0, 30, "laid out badly"),
+        ("action panics", 0, 30, "action bad panicked: acted badly"),
+        ("action is asked badly", 0, 30, "action bad panicked: asked badly"),
+        ("asks for an unknown action", 0, 30, "action \"jump\" is asked for, but there is none"),
+        ("asks for a held key", 0, 30, "action \"forward\" is asked for, but it works by its key alone"),
+        ("tells badly", 0, 30, "plug-in bad: panicked: told badly"),
+        ("action asks for itself", 0, 30, "action bad asks for itself"),
     ];
 
     /// Returns colvis with the plug-in of a case.
@@ -94,7 +100,7 @@ mod cases {
             })),
             "commands badly" => bad.plugin(("bad", |app: &mut App| {
                 app.add_systems(FlightSystems::Log, |mut c: Commands| {
-                    c.queue(|_: &mut World| panic!("commanded badly"))
+                    c.queue(|_: &mut World| panic!("commanded badly"));
                 });
                 Ok(())
             })),
@@ -104,7 +110,7 @@ mod cases {
             })),
             "breaks pictures" => bad.plugin(("bad", |app: &mut App| {
                 app.add_systems(FlightSystems::PostProcess, |mut p: Single<&mut Picture, With<Main>>| {
-                    p.frame.resize(0, 0)
+                    p.frame.resize(0, 0);
                 });
                 Ok(())
             })),
@@ -133,6 +139,17 @@ mod cases {
             "two panels panic" => bad
                 .panel(panel(|| Box::new(Bad(|_| panic!("laid out badly")))))
                 .panel(PanelEntry { name: "worse", ..panel(|| Box::new(Bad(|_| panic!("laid out badly, too")))) }),
+            "action panics" => acts(bad, ActionEntry { run: |_, _| panic!("acted badly"), ..ActionEntry::BASE }),
+            "action is asked badly" => {
+                acts(bad, ActionEntry { possible: |_| panic!("asked badly"), ..ActionEntry::BASE })
+            }
+            "action asks for itself" => {
+                acts(bad, ActionEntry { run: |_, requests| requests.action("bad"), ..ActionEntry::BASE })
+            }
+            "asks for an unknown action" => bad
+                .panel(panel(|| Box::new(Asks(|context, ui, requests| context.button(ui, "Jump", "jump", requests))))),
+            "asks for a held key" => bad.panel(panel(|| Box::new(Asks(|_, _, requests| requests.action("forward"))))),
+            "tells badly" => bad.plugin(TellsBadly),
             other => panic!("there is no case {other:?}"),
         }
     }
@@ -191,6 +208,42 @@ mod cases {
             },
         );
         Ok(())
+    }
+
+    /// Adds an action, and a panel that asks for it.
+    fn acts(program: Program, action: ActionEntry) -> Program {
+        let make = || {
+            Box::new(Asks(|context, ui, requests| {
+                context.button(ui, "Bad", "bad", requests);
+                requests.action("bad");
+            })) as Box<dyn Panel>
+        };
+        let panel = PanelEntry { name: "asks", title: "Asks", shown: true, make, ..PanelEntry::NONE };
+        program.action(ActionEntry { id: "bad", ..action }).panel(panel)
+    }
+
+    struct Asks(fn(&Context<'_>, &mut Ui, &mut Requests));
+
+    impl Panel for Asks {
+        fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
+            (self.0)(context, ui, requests);
+        }
+    }
+
+    struct TellsBadly;
+
+    impl Plugin for TellsBadly {
+        fn name(&self) -> std::borrow::Cow<'static, str> {
+            "bad".into()
+        }
+
+        fn build(&self, _: &mut App) -> Result<()> {
+            Ok(())
+        }
+
+        fn stats(&self, _: &App) -> Option<serde_json::Value> {
+            panic!("told badly");
+        }
     }
 
     struct Bad(fn(&mut Ui));

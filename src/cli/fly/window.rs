@@ -57,6 +57,7 @@ pub(crate) fn fly(
         guides,
         detector: program.catalog.find_detector(args.detector.as_deref().unwrap_or(detectors::BUILT_IN[0].name))?,
         panels: program.all_panels(),
+        actions: program.actions.clone(),
         layout: args.layout.clone(),
     };
     let ended = window::run(display, launch, progress).and_then(|()| all_written(args, flown.get()));

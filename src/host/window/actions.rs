@@ -7,9 +7,11 @@ use std::time::Instant;
 
 use super::controller::FlightController;
 use super::keys::{Chord, Hold};
+use super::own_action::{ActionEntry, OwnState};
 use super::panels::{AssistInput, PanelEntry};
 use super::workspace::LAYOUTS;
 use crate::app::Overlay;
+use crate::app::catalog::taken;
 use crate::error::{Error, Result, program_name};
 use crate::fields::lumen::GasKind;
 use crate::polyps::answers::Answer;
@@ -37,6 +39,8 @@ pub(crate) struct Action {
     pub possible: Possible,
     /// What it does.
     pub effect: Effect,
+    /// The state of an action of another crate.
+    pub own: OwnState,
 }
 
 /// The effect of an action.
@@ -52,6 +56,8 @@ pub(crate) enum Effect {
     Overlay(usize),
     /// A request to the window itself, independent of its content.
     Window(WindowRequest),
+    /// What another crate wants.
+    Own(ActionEntry),
     /// None by a key: it is a mouse gesture only.
     Gesture,
 }
@@ -377,10 +383,13 @@ const LAYOUTS_AFTER: &str = "fullscreen";
 /// The row of the help that lists all layouts.
 const LAYOUT_ROW: &str = "panels: flight alone, reading, slices, across the path";
 
+/// The entry of a menu that stands for all actions of other crates.
+const OWN: &str = "";
+
 /// The menus: actions by their ids. An id that ends in `-` includes all ids with that prefix.
 pub(crate) const MENUS: &[(&str, &[&str])] = &[
     ("File", &["open", "screenshot", "quit"]),
-    ("Flight", &["pause", "guide", "guide-", "reverse", "next", "other-end", "faster", "slower"]),
+    ("Flight", &["pause", "guide", "guide-", "reverse", "next", "other-end", "faster", "slower", OWN]),
     (
         "View",
         &[
@@ -420,11 +429,17 @@ impl From<&Row> for Action {
             repeats: r.repeats,
             possible: r.possible,
             effect: r.effect,
+            own: OwnState::default(),
         }
     }
 }
 
 impl Action {
+    /// True if it can be performed by its id, without a key that is held or a gesture.
+    pub(crate) fn is_performed(&self) -> bool {
+        !matches!(self.effect, Effect::Hold(_) | Effect::Gesture)
+    }
+
     /// Returns its first key, for a menu.
     pub(crate) fn key_text(&self) -> String {
         self.keys.first().map(Chord::to_string).unwrap_or_default()
@@ -441,6 +456,7 @@ impl Action {
         match self.effect {
             Effect::HandTo(guide) => format!("guide {guide}"),
             Effect::Overlay(_) | Effect::Window(WindowRequest::Panel(_)) => self.id.replacen('-', " ", 1),
+            Effect::Own(_) => format!("action {}", self.id),
             _ => format!("the window's {}", self.id),
         }
     }
@@ -471,14 +487,27 @@ pub(crate) struct Group {
 pub(crate) struct Actions(Vec<Action>);
 
 impl Actions {
-    /// Creates the actions of the window and of `guides`, `overlays` and `panels`. Keys in `settings` replace the default ones.
-    ///
-    /// # Errors
-    /// Returns status 2 if two actions have the same key or name, or if a setting refers to an unknown action or key.
+    /// Creates the actions of a window without those of other crates.
+    #[cfg(test)]
     pub(crate) fn new(
         guides: &Guides,
         overlays: &[Overlay],
         panels: &[PanelEntry],
+        settings: &KeySettings,
+    ) -> Result<Self> {
+        Self::of(guides, overlays, panels, &[], settings)
+    }
+
+    /// Creates the actions of the window, of `guides`, `overlays` and `panels`, and those of other crates, `more`. Keys in
+    /// `settings` replace the default ones.
+    ///
+    /// # Errors
+    /// Returns status 2 if two actions have the same key or name, or if a setting refers to an unknown action or key.
+    pub(crate) fn of(
+        guides: &Guides,
+        overlays: &[Overlay],
+        panels: &[PanelEntry],
+        more: &[ActionEntry],
         settings: &KeySettings,
     ) -> Result<Self> {
         let own = |id: String, text: String, row: String, key: Option<char>, effect: Effect| Action {
@@ -513,17 +542,22 @@ impl Actions {
                     let (text, effect) = (format!("panel: {}", p.title), Effect::Window(WindowRequest::Panel(n)));
                     own(format!("panel-{}", p.name), text.clone(), text, p.key, effect)
                 }));
+                all.extend(more.iter().map(|a| {
+                    let text = if a.text.is_empty() { a.id } else { a.text };
+                    let effect = Effect::Own(*a);
+                    Action {
+                        repeats: a.repeats,
+                        ..own(a.id.to_owned(), text.to_owned(), text.to_owned(), a.key, effect)
+                    }
+                }));
             }
         }
         for (id, keys) in settings {
             let action = all.iter_mut().find(|a| a.id == *id);
             let Some(action) = action.filter(|a| !matches!(a.effect, Effect::Gesture)) else {
                 let why = format!("there is no action {id:?}");
-                return Err(Error::usage(
-                    "keys: action",
-                    why,
-                    format!("see \"Keys in the window\" of {} --help for what there is", program_name()),
-                ));
+                let hint = format!("{} explain lists them under \"actions of the window\"", program_name());
+                return Err(Error::usage("keys: action", why, hint));
             };
             action.keys = keys.iter().map(|k| k.parse()).collect::<Result<_>>()?;
             action.shifted.clear();
@@ -541,8 +575,18 @@ impl Actions {
         let owned: Vec<(&Chord, &Action)> =
             self.0.iter().flat_map(|a| a.keys.iter().chain(&a.shifted).map(move |k| (k, a))).collect();
         for (n, action) in self.0.iter().enumerate() {
-            if self.0[..n].iter().any(|a| a.id == action.id) {
-                return Err(Error::usage(action.owner(), "is there twice", "give one another name"));
+            if action.id.is_empty() {
+                return Err(Error::usage("action", "has no id", "give it one"));
+            }
+            match self.0[..n].iter().find(|a| a.id == action.id).map(Action::owner) {
+                Some(owner) if owner == action.owner() => {
+                    return Err(Error::usage(owner, "is there twice", "give one another name"));
+                }
+                Some(owner) => {
+                    let what = format!("action {:?}", action.id);
+                    return Err(taken(&what, &owner, &action.owner(), "id"));
+                }
+                None => {}
             }
         }
         for (n, (key, action)) in owned.iter().enumerate() {
@@ -561,7 +605,11 @@ impl Actions {
 
     /// Returns the actions of a menu entry.
     pub(crate) fn of_menu<'a>(&'a self, entry: &'a str) -> impl Iterator<Item = &'a Action> {
-        self.0.iter().filter(move |a| if entry.ends_with('-') { a.id.starts_with(entry) } else { a.id == entry })
+        self.0.iter().filter(move |a| match a.effect {
+            Effect::Own(_) => entry == OWN,
+            _ if entry.ends_with('-') => a.id.starts_with(entry),
+            _ => a.id == entry,
+        })
     }
 
     /// Returns the action with that name.
@@ -632,6 +680,13 @@ impl Actions {
         groups
     }
 
+    /// Returns id, keys and text of every action that can have a key, in the order of the help.
+    pub(crate) fn list(&self) -> Vec<[String; 3]> {
+        let keyed = self.0.iter().filter(|a| !matches!(a.effect, Effect::Gesture));
+        let keys = |a: &Action| a.keys.iter().map(Chord::to_string).collect::<Vec<_>>().join(", ");
+        keyed.map(|a| [a.id.to_string(), keys(a), a.text.to_string()]).collect()
+    }
+
     /// Returns all keys with their descriptions, a row for each task, in the order of the table.
     pub(crate) fn help(&self) -> Vec<(String, String)> {
         self.rows_of(|_| true)
@@ -686,7 +741,7 @@ mod tests {
     fn every_entry_of_the_menus_is_an_action() {
         let all = actions(&[]).unwrap();
         for entry in MENUS.iter().flat_map(|m| m.1) {
-            assert!(all.of_menu(entry).count() > 0, "{entry}");
+            assert!(all.of_menu(entry).count() > 0 || *entry == OWN, "{entry}");
         }
         assert_eq!(all.named("pause").unwrap().title(), "Pause, resume");
     }
@@ -710,6 +765,20 @@ mod tests {
         assert_eq!(keys("turn round and fly back"), "R, B, Backspace");
         assert_eq!(keys("tentacles, potential, path, manual"), "1 2 3 4");
         assert_eq!(keys("look around"), "Left Right Home End, drag");
+    }
+
+    #[test]
+    fn every_action_that_can_have_a_key_is_listed_with_its_id() {
+        let all = actions(&[("reverse", &["Z", "Ctrl+R"]), ("left", &[])]).unwrap();
+        let list = all.list();
+        let row = |id: &str| list.iter().find(|r| r[0] == id).map(|r| [r[1].as_str(), r[2].as_str()]);
+        assert_eq!(row("reverse"), Some(["Z, Ctrl+R", "turn round and fly back"]));
+        assert_eq!((row("left"), row("seek")), (Some(["", "fly left"]), None));
+        for [id, ..] in &list {
+            assert!(actions(&[(id, &["F11"])]).is_ok(), "{id} can be set");
+            assert!(!id.contains(char::is_whitespace), "{id}");
+        }
+        assert!(!all.named("left").unwrap().is_performed() && all.named("pause").unwrap().is_performed());
     }
 
     #[test]

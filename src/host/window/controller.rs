@@ -1,6 +1,7 @@
 //! Controls a flight in a window: steps in real time, images when something has changed, and operator commands.
 
 mod assisting;
+mod commanding;
 mod history;
 mod pointing;
 mod seeing;
@@ -420,21 +421,27 @@ impl FlightController {
         self.flight.camera().copied().unwrap_or_default()
     }
 
-    /// Performs an action, or reports why it is not possible. Held keys are handled by [`FlightController::steer`], and requests
-    /// to the window by the window.
+    /// Performs an action, or reports why it is not possible. Held keys are handled by [`FlightController::steer`], requests
+    /// to the window by the window, and actions of other crates by [`FlightController::begin_own`].
     pub(crate) fn perform(&mut self, action: &Action, at: ActionContext) {
-        if let Err(why) = (action.possible)(self) {
-            self.say(format!("{}: not while {why}", action.text), at.now);
+        if self.refuse(action, at.now) {
             return;
         }
         match action.effect {
             Effect::Once(act) => act(self, at),
             Effect::HandTo(guide) => self.hand_over(guide, at.now),
             Effect::Overlay(n) => self.overlays.switch(n),
-            Effect::Hold(_) | Effect::Window(_) | Effect::Gesture => return,
+            Effect::Hold(_) | Effect::Window(_) | Effect::Own(_) | Effect::Gesture => return,
         }
         self.attention = true;
         self.figures.touch();
+    }
+
+    /// Reports why an action is not possible. Returns false if it is.
+    fn refuse(&mut self, action: &Action, now: Instant) -> bool {
+        let Some(why) = action.why_not(self) else { return false };
+        self.say(format!("{}: not while {why}", action.text), now);
+        true
     }
 
     /// Pauses or resumes the flight.

@@ -22,6 +22,7 @@ mod measures;
 mod moving;
 mod overlay;
 mod overlays;
+mod own_action;
 mod painter;
 pub mod panels;
 mod place;
@@ -61,7 +62,7 @@ use actions::{Actions, KeySettings};
 pub(crate) use loading::{Prepare, SessionFile};
 pub(crate) use moving::Moving;
 pub(crate) use painter::{Marker, pixels_a_point};
-use panels::PanelEntry;
+use panels::{ActionEntry, PanelEntry};
 pub(crate) use present_timer::PresentMs;
 use settings::Settings;
 use shell::{Shell, Wake};
@@ -72,8 +73,26 @@ pub(crate) use workspace::slices_of;
 ///
 /// # Errors
 /// Returns status 2 if two actions share a key.
-pub(crate) fn key_help(guides: &Guides, overlays: &[Overlay], panels: &[PanelEntry]) -> Result<Vec<(String, String)>> {
-    Ok(Actions::new(guides, overlays, panels, &KeySettings::new())?.help())
+pub(crate) fn key_help(
+    guides: &Guides,
+    overlays: &[Overlay],
+    panels: &[PanelEntry],
+    more: &[ActionEntry],
+) -> Result<Vec<(String, String)>> {
+    Ok(Actions::of(guides, overlays, panels, more, &KeySettings::new())?.help())
+}
+
+/// Returns id, keys and text of every action of the window, with the keys of the user's settings file, and the error in that file.
+///
+/// # Errors
+/// Returns status 2 if two actions share a key without any settings.
+pub(crate) fn action_list(
+    guides: &Guides,
+    overlays: &[Overlay],
+    panels: &[PanelEntry],
+    more: &[ActionEntry],
+) -> Result<(Vec<[String; 3]>, Option<Error>)> {
+    actions(guides, overlays, panels, more).map(|(actions, unsettled)| (actions.list(), unsettled))
 }
 
 /// Returns all default keys of the window as text, in the groups of its list. The user's settings file is not applied.
@@ -100,11 +119,16 @@ pub(crate) fn settings_file() -> Option<PathBuf> {
 ///
 /// # Errors
 /// Returns status 2 if two actions share a key without any settings.
-fn actions(guides: &Guides, overlays: &[Overlay], panels: &[PanelEntry]) -> Result<(Actions, Option<Error>)> {
-    let usual = Actions::new(guides, overlays, panels, &KeySettings::new())?;
+fn actions(
+    guides: &Guides,
+    overlays: &[Overlay],
+    panels: &[PanelEntry],
+    more: &[ActionEntry],
+) -> Result<(Actions, Option<Error>)> {
+    let usual = Actions::of(guides, overlays, panels, more, &KeySettings::new())?;
     let Some(file) = settings::file() else { return Ok((usual, None)) };
     let chosen = Settings::read(&file).and_then(|settings| match settings {
-        Some(settings) => Actions::new(guides, overlays, panels, &settings.keys)
+        Some(settings) => Actions::of(guides, overlays, panels, more, &settings.keys)
             .map(Some)
             .map_err(|e| Error { what: format!("{}: {}", file.display(), e.what), ..e }),
         None => Ok(None),
@@ -172,6 +196,8 @@ pub(crate) struct Launch {
     pub detector: Detector,
     /// Available panels.
     pub panels: Vec<PanelEntry>,
+    /// Actions of other crates.
+    pub actions: Vec<ActionEntry>,
     /// Layout of the panels; the last used one if `None`.
     pub layout: Option<String>,
 }

@@ -6,6 +6,8 @@
 //! reverse = ["Z", "Ctrl+R"]
 //! light = []
 //! ```
+//!
+//! `colvis explain` prints the path of this file and the ids of all actions.
 
 use std::path::{Path, PathBuf};
 

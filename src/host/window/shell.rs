@@ -23,7 +23,7 @@ use super::loading::{Loading, Prepare, Ready};
 use super::measures::Measures;
 use super::overlay::{self, Content};
 use super::panels::open::FileList;
-use super::panels::{Context, Request, Requests, SeenInput};
+use super::panels::{Context, Request, Requests, SeenInput, refuse_action};
 use super::present_timer::PresentTimer;
 use super::recent::Recent;
 use super::screenshot_renderer::WakeUp;
@@ -140,7 +140,7 @@ impl Shell {
     /// # Errors
     /// Returns status 1 if the system cannot start a thread.
     pub(crate) fn new(launch: Launch, proxy: EventLoopProxy<Wake>) -> Result<Self> {
-        let (actions, unsettled) = super::actions(&launch.guides, &launch.overlays, &launch.panels)?;
+        let (actions, unsettled) = super::actions(&launch.guides, &launch.overlays, &launch.panels, &launch.actions)?;
         let (workspace, unread) = Workspace::new(&launch.panels, launch.layout.as_deref(), Workspace::usual_file());
         for e in unsettled.iter().chain(&unread) {
             output::to_stderr(format_args!("note: {e}"));
@@ -579,11 +579,20 @@ impl Shell {
                         }
                     }
                 }
-                Request::Action(id) => {
-                    if let Some(action) = Rc::clone(&self.actions).named(&id) {
-                        self.run(action, now, events);
+                Request::Command(command) => {
+                    if let Stage::Flying(controller) = &mut self.stage {
+                        controller.command(command, now);
                     }
                 }
+                Request::Say(text) => {
+                    if let Stage::Flying(controller) = &mut self.stage {
+                        controller.say_for(&text, now);
+                    }
+                }
+                Request::Action(id) => match Rc::clone(&self.actions).named(&id) {
+                    Some(action) if action.is_performed() => self.run(action, now, events),
+                    found => refuse_action(&id, found.is_some()),
+                },
             }
         }
     }
@@ -594,7 +603,22 @@ impl Shell {
         match (action.effect, &mut self.stage) {
             (Effect::Window(request), _) => self.run_window(request, events),
             (Effect::Once(_) | Effect::HandTo(_) | Effect::Overlay(_), Stage::Flying(c)) => c.perform(action, moment),
-            (Effect::Once(_) | Effect::HandTo(_) | Effect::Overlay(_) | Effect::Hold(_) | Effect::Gesture, _) => {}
+            (Effect::Own(entry), Stage::Flying(c)) => {
+                if let Some(requests) = c.begin_own(action, &entry, self.recent.scans(), now) {
+                    self.follow(requests.into_iter(), now, events);
+                    action.end();
+                }
+                self.touched = true;
+            }
+            (
+                Effect::Once(_)
+                | Effect::HandTo(_)
+                | Effect::Overlay(_)
+                | Effect::Own(_)
+                | Effect::Hold(_)
+                | Effect::Gesture,
+                _,
+            ) => {}
         }
     }
 

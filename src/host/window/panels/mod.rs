@@ -24,11 +24,15 @@ use super::controller::FlightController;
 use super::kinds::Kinds;
 use super::measures::Measures;
 use super::overlay::HudState;
+pub use super::own_action::ActionEntry;
 use super::seen::Seen;
 use crate::app::FlightApp;
+use crate::components::input::Command;
 use crate::components::slices::{Orientation, SliceView};
+use crate::error::program_name;
 use crate::fields::lumen::GasKind;
 use crate::polyps::answers::Answer;
+use crate::schedule::note;
 
 /// The panels of every window.
 pub const BUILT_IN: &[PanelEntry] = &[
@@ -157,7 +161,7 @@ impl<'a> Context<'a> {
 
     /// Returns why an action is not possible now; `None` if it is possible.
     pub(super) fn why_not(&self, action: &Action) -> Option<WhyNot> {
-        (action.possible)(self.controller).err()
+        action.why_not(self.controller)
     }
 
     /// Returns what an action does and its key, for a tooltip; empty if the action does not exist.
@@ -170,15 +174,28 @@ impl<'a> Context<'a> {
     }
 
     /// Adds a button for an action of the window, by its id, with its text and key as a tooltip. It is grey while the action is
-    /// not possible. Does nothing if the action does not exist.
+    /// not possible, or if there is none of that id, which the window also tells once. `colvis explain` lists all ids.
     pub fn button(&self, ui: &mut Ui, text: &str, id: &str, requests: &mut Requests) {
-        let Some(action) = self.actions.named(id) else { return };
+        let Some(action) = self.actions.named(id) else {
+            refuse_action(id, false);
+            ui.add_enabled(false, egui::Button::new(text)).on_disabled_hover_text(format!("there is no action {id:?}"));
+            return;
+        };
         let why_not = self.why_not(action);
         let shown = ui.add_enabled(why_not.is_none(), egui::Button::new(text));
         if shown.on_hover_text(self.tip(id)).on_disabled_hover_text(why_not.unwrap_or_default()).clicked() {
             requests.action(id);
         }
     }
+}
+
+/// Tells once why an action that was asked for is not performed: no action has that id, or it `is_there`, but only for a held key.
+pub(super) fn refuse_action(id: &str, is_there: bool) {
+    let why = match is_there {
+        true => "is asked for, but it works by its key alone; send a command instead".to_owned(),
+        false => format!("is asked for, but there is none; {} explain lists them", program_name()),
+    };
+    note(format!("action {id:?}"), why);
 }
 
 /// A part of the window that plug-ins can add.
@@ -221,6 +238,10 @@ pub enum Request {
     Seen(SeenInput),
     /// Perform an action of the window, by its id.
     Action(String),
+    /// Send a command to the flight.
+    Command(Command),
+    /// Show a message for a moment.
+    Say(String),
     /// Open another scan. The number selects a series in a folder that holds several.
     Open(PathBuf, Option<usize>),
 }
@@ -336,9 +357,21 @@ impl Requests {
         &self.slices_at
     }
 
-    /// Performs an action of the window, by its id in the settings file: `"pause"`, `"reverse"`. An unknown id does nothing.
+    /// Performs an action of the window, by its id in the settings file: `"pause"`, `"reverse"`. `colvis explain` lists all ids. If
+    /// there is none of that id, or it steers while its key is held, nothing happens, and the window tells it once.
     pub fn action(&mut self, id: &str) {
         self.ask(Request::Action(id.to_owned()));
+    }
+
+    /// Sends a command to the flight: a [`FlightCommand`](crate::components::input::FlightCommand) or a
+    /// [`HandCommand`](crate::components::input::HandCommand). If it is refused, the window tells why.
+    pub fn command(&mut self, command: impl Into<Command>) {
+        self.ask(Request::Command(command.into()));
+    }
+
+    /// Shows a message for a moment: one short line.
+    pub fn say(&mut self, text: impl Into<String>) {
+        self.ask(Request::Say(text.into()));
     }
 
     /// Jumps to a share of the path, 0 to 1.

@@ -1,0 +1,100 @@
+//! Commands of panels and of actions of other crates.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use super::{FlightController, recordable};
+use crate::components::input::{Command, FlightCommand, HandCommand};
+use crate::host::window::actions::Action;
+use crate::host::window::overlay::HudState;
+use crate::host::window::own_action::ActionEntry;
+use crate::host::window::panels::{Context, Request};
+
+/// Longest message of another crate, characters.
+const LONGEST: usize = 200;
+
+impl FlightController {
+    /// Executes a command, or tells why it is refused.
+    pub(crate) fn command(&mut self, mut command: Command, now: Instant) {
+        let mut is_finite = true;
+        each_number(&mut command, &mut |x| {
+            is_finite &= x.is_finite();
+            *x = recordable(*x);
+        });
+        if !is_finite {
+            // It would not be read back from a recording.
+            self.say(format!("{}: a number of it is not finite", name_of(&command)), now);
+            return;
+        }
+        match command {
+            Command::Flight(FlightCommand::Guide(name)) => {
+                match self.flight.setup().scene.guides.named(&name).map(|g| g.name) {
+                    // What it needs is built while the flight goes on.
+                    Some(guide) => self.hand_over(guide, now),
+                    None => _ = self.act(FlightCommand::Guide(name), now),
+                }
+            }
+            Command::Flight(FlightCommand::ViewAngle(degrees)) => self.change_angle(degrees, now),
+            other => _ = self.act(other, now),
+        }
+        self.attention = true;
+        self.figures.touch();
+    }
+
+    /// Shows a message of another crate: its first line, shortened.
+    pub(crate) fn say_for(&mut self, text: &str, now: Instant) {
+        let line = text.lines().next().unwrap_or_default();
+        self.say(line.chars().filter(|c| !c.is_control()).take(LONGEST).collect::<String>(), now);
+    }
+
+    /// Runs an action of another crate, or tells why it is not possible. Returns what it asks for; `None` if it has not begun.
+    pub(crate) fn begin_own(
+        &mut self,
+        action: &Action,
+        entry: &ActionEntry,
+        recent: &[PathBuf],
+        now: Instant,
+    ) -> Option<Vec<Request>> {
+        if self.refuse(action, now) {
+            return None;
+        }
+        let hud = HudState::default();
+        let asked = action.begin(entry, &Context::new(self, &self.actions, recent, &hud));
+        self.attention = true;
+        self.figures.touch();
+        asked
+    }
+}
+
+/// Calls `each` with every number of a command.
+fn each_number(command: &mut Command, each: &mut impl FnMut(&mut f64)) {
+    match command {
+        Command::Hand(HandCommand::Push(v) | HandCommand::Turn(v)) => v.iter_mut().for_each(each),
+        Command::Hand(HandCommand::Look(v)) => v.iter_mut().for_each(each),
+        Command::Hand(HandCommand::Roll(x) | HandCommand::Speed(x)) => each(x),
+        Command::Flight(FlightCommand::Seek(x) | FlightCommand::ViewAngle(x)) => each(x),
+        Command::Flight(FlightCommand::Go { to, forward, up }) => {
+            [to, forward, up].into_iter().flatten().for_each(each);
+        }
+        Command::Flight(FlightCommand::Review(stops)) => {
+            stops.iter_mut().flat_map(|s| [Some(&mut s.at), s.look_at.as_mut()]).flatten().flatten().for_each(each);
+        }
+        Command::Hand(HandCommand::Pause(_) | HandCommand::Resume)
+        | Command::Flight(
+            FlightCommand::Guide(_)
+            | FlightCommand::Reverse
+            | FlightCommand::Segment(_)
+            | FlightCommand::OtherEnd
+            | FlightCommand::EndReview,
+        ) => {}
+    }
+}
+
+/// The name of a command in a recording.
+fn name_of(command: &Command) -> String {
+    match serde_json::to_value(command) {
+        Ok(serde_json::Value::Object(named)) => named.keys().next().cloned().unwrap_or_default(),
+        Ok(serde_json::Value::String(name)) => name,
+        _ => "command".to_owned(),
+    }
+}
