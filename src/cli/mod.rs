@@ -180,7 +180,12 @@ impl Program {
     /// The window's keys by groups, as its list shows them.
     fn key_page(&self) -> Result<String> {
         #[cfg(feature = "window")]
-        return crate::host::window::key_page(&self.catalog.guides, &self.catalog.overlays, &self.all_panels());
+        return crate::host::window::key_page(
+            &self.catalog.guides,
+            &self.catalog.overlays,
+            &self.all_panels(),
+            &self.actions,
+        );
         #[cfg(not(feature = "window"))]
         Err(Error::usage("--help keys", "this build has no window", "build it with the feature window"))
     }

@@ -99,8 +99,13 @@ pub(crate) fn action_list(
 ///
 /// # Errors
 /// Returns status 2 if two actions share a key.
-pub(crate) fn key_page(guides: &Guides, overlays: &[Overlay], panels: &[PanelEntry]) -> Result<String> {
-    let groups = Actions::new(guides, overlays, panels, &KeySettings::new())?.groups();
+pub(crate) fn key_page(
+    guides: &Guides,
+    overlays: &[Overlay],
+    panels: &[PanelEntry],
+    more: &[ActionEntry],
+) -> Result<String> {
+    let groups = Actions::of(guides, overlays, panels, more, &KeySettings::new())?.groups();
     let wide = groups.iter().flat_map(|g| &g.rows).map(|r| r.keys.chars().count()).max().unwrap_or(0);
     let group = |g: &actions::Group| {
         let rows = g.rows.iter().map(|r| format!("  {:wide$}  {}\n", r.keys, r.text));

@@ -85,7 +85,7 @@ mod tests {
     fn every_button_is_that_of_an_action() {
         let catalog = crate::app::Catalog::default();
         let (guides, panels) = (crate::systems::guides(), crate::host::window::panels::BUILT_IN);
-        let actions = Actions::new(&guides, &catalog.overlays, panels, &KeySettings::new()).unwrap();
+        let actions = Actions::of(&guides, &catalog.overlays, panels, &[], &KeySettings::new()).unwrap();
         for (_, _, id) in TOOLS.concat() {
             assert!(actions.named(id).is_some(), "{id}");
         }
