@@ -121,6 +121,21 @@ pub(crate) fn camera(program: &Program, global: &Global, scene: CameraModel) -> 
 /// # Errors
 /// Returns status 2 for invalid options, 3 if it cannot be read, 4 if interrupted.
 pub(crate) fn open(input: Option<&Path>, global: &Global, preset: Preset, progress: &Arc<Progress>) -> Result<Scan> {
+    let mut scan = open_unsaid(input, global, preset, progress)?;
+    scan.take_notes().iter().for_each(|note| say(note));
+    Ok(scan)
+}
+
+/// Like [`open`], and leaves the notes to the caller.
+///
+/// # Errors
+/// As [`open`].
+pub(crate) fn open_unsaid(
+    input: Option<&Path>,
+    global: &Global,
+    preset: Preset,
+    progress: &Arc<Progress>,
+) -> Result<Scan> {
     let options = OpenOptions {
         load: checked_options(global)?,
         transfer: transfer(global)?,
@@ -132,9 +147,7 @@ pub(crate) fn open(input: Option<&Path>, global: &Global, preset: Preset, progre
         report_unread(global);
         return Scan::phantom_with(global.seed.unwrap_or(1), &options);
     };
-    let mut scan = Scan::open_with(path, &options)?;
-    scan.take_notes().iter().for_each(|note| say(note));
-    Ok(scan)
+    Scan::open_with(path, &options)
 }
 
 /// Reads the input without preparing it, takes its tag out if that is asked for, and prints notes about it.

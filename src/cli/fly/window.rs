@@ -9,10 +9,11 @@ use serde_json::json;
 
 use super::covering::Covering;
 use super::files::read_commands;
-use super::{Screen, ask_plugins, flight, leave, leave_unflown, open, overlays, say, scene, stats};
-use crate::app::{FlightApp, Scene, Timings};
+use super::{Screen, ask_plugins, leave, leave_unflown, overlays, request, say, scene, stats};
+use crate::app::{FlightApp, Scan, Scene, Timings};
 use crate::cli::Program;
 use crate::cli::args::{FlyArgs, Global};
+use crate::cli::prepare;
 use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
 use crate::host::window::{self, Resume};
@@ -156,12 +157,24 @@ fn opening(
     let (kept, prepare_args, prepare_global) = (Arc::clone(timings), args.clone(), global.clone());
     let prepare: window::Prepare = Box::new(move |progress| {
         let args = &prepare_args;
-        let mut scan = open(args, &prepare_global, &scene, progress)?;
+        let mut scan = prepare::open_unsaid(args.input.as_deref(), &prepare_global, scene.image.preset, progress)?;
+        let mut notes = Vec::new();
+        // They are printed, and stand in the window until they are dismissed.
+        let mut tell = |scan: &mut Scan| {
+            for note in scan.take_notes() {
+                say(&note);
+                notes.push(note);
+            }
+        };
+        tell(&mut scan);
         let session = window::SessionFile::of(scan.volume().voxels());
         if resume(args) != Resume::Never {
             scan.tell(session.told());
         }
-        let mut made = scan.cleanse_for(&scene).and_then(|()| flight(args, &mut scan, scene.clone()));
+        let fly =
+            |scan: &mut Scan, scene: Scene| scan.cleanse_for(&scene).and_then(|()| scan.flight(scene, &request(args)));
+        let mut made = fly(&mut scan, scene.clone());
+        tell(&mut scan);
         if let Err(e) = &made
             && !scan.told().is_empty()
             && e.kind == Kind::Incomplete
@@ -169,7 +182,8 @@ fn opening(
         {
             say(&format!("the kinds that you gave to gas do not count, because there is no flight with them: {e}"));
             scan.tell(Vec::new());
-            made = scan.cleanse_for(&scene).and_then(|()| flight(args, &mut scan, scene));
+            made = fly(&mut scan, scene);
+            tell(&mut scan);
         }
         *kept.lock().unwrap_or_else(PoisonError::into_inner) = scan.timings().clone();
         let mut flight = made?;
@@ -179,7 +193,7 @@ fn opening(
         if args.record_input.is_some() {
             flight.commands.start();
         }
-        Ok(session.ready(flight))
+        Ok(session.ready(flight, notes))
     });
     let (finish_args, finish_timings) = (args.clone(), Arc::clone(timings));
     let covering = covering(args, global)?;

@@ -19,6 +19,8 @@ pub(crate) struct Ready {
     pub flight: FlightApp,
     /// The file of the scan's session; `None` on a system that defines no folder for it.
     pub(super) session: Option<PathBuf>,
+    /// What the reader must know about the scan.
+    pub notes: Vec<String>,
 }
 
 /// Location of a scan's session.
@@ -41,8 +43,8 @@ impl SessionFile {
     }
 
     /// Combines the session file with the scan's flight.
-    pub(crate) fn ready(self, flight: FlightApp) -> Ready {
-        Ready { flight, session: self.0 }
+    pub(crate) fn ready(self, flight: FlightApp, notes: Vec<String>) -> Ready {
+        Ready { flight, session: self.0, notes }
     }
 }
 

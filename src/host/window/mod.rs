@@ -26,6 +26,7 @@ mod own_action;
 mod painter;
 pub mod panels;
 mod place;
+mod placement;
 pub(crate) mod plane;
 mod present_timer;
 mod recent;

@@ -24,6 +24,8 @@ pub(crate) enum Sheet {
         /// True once the search has the keyboard.
         is_open: bool,
     },
+    /// What one sees, and the keys to begin with, the first time that a window is open.
+    Welcome,
     /// Asks before the program is quit, since something is unfinished.
     Quit {
         /// What is.
@@ -52,6 +54,7 @@ impl Sheet {
     pub(crate) fn ui(&mut self, context: &Context<'_>, ui: &Ui, requests: &mut Requests) -> Answer {
         match self {
             Self::Keys { search, is_open } => keys(context, ui, requests, search, is_open),
+            Self::Welcome => welcome(context, ui),
             Self::Quit { why } => quit(ui, why),
         }
     }
@@ -160,6 +163,33 @@ fn share_out(groups: &[Group], columns: usize) -> Vec<&[Group]> {
         from = to;
     }
     shares
+}
+
+fn welcome(context: &Context<'_>, ui: &Ui) -> Answer {
+    let mut answer = Answer::Stay;
+    let key = |id: &str| context.actions.key(id);
+    let modal = Modal::new(egui::Id::new("welcome")).show(ui.ctx(), |ui| {
+        ui.set_width(400.0);
+        ui.heading("Inside a colon");
+        ui.label(
+            "You look along the inside of a colon, as its CT scan shows it. The flight goes by itself, and you may steer at any time. \
+             The slices beside it show where you are.",
+        );
+        ui.add_space(6.0);
+        for (id, what) in [("pause", "stops, and flies on"), ("reverse", "turns round"), ("help", "lists all keys")] {
+            ui.horizontal(|ui| {
+                ui.label(RichText::new(key(id)).color(Severity::Notice.colour()).strong());
+                ui.label(what);
+            });
+        }
+        ui.label("Drag to look around.");
+        ui.add_space(8.0);
+        let enter = ui.input(|i| i.key_pressed(Key::Enter) || i.key_pressed(Key::Space));
+        if ui.button("Begin").clicked() || enter {
+            answer = Answer::Close;
+        }
+    });
+    if modal.should_close() { Answer::Close } else { answer }
 }
 
 fn quit(ui: &Ui, why: &str) -> Answer {

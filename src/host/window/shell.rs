@@ -7,7 +7,6 @@ use std::time::{Duration, Instant};
 
 use egui::{LayerId, ViewportId};
 use winit::application::ApplicationHandler;
-use winit::dpi::{LogicalSize, PhysicalSize, Size};
 use winit::event::{ElementState, KeyEvent, StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy};
 use winit::keyboard::{Key, ModifiersState};
@@ -24,16 +23,17 @@ use super::measures::Measures;
 use super::overlay::{self, Content};
 use super::panels::open::FileList;
 use super::panels::{Context, Request, Requests, SeenInput, refuse_action};
+use super::placement::Placement;
 use super::present_timer::PresentTimer;
 use super::recent::Recent;
 use super::screenshot_renderer::WakeUp;
 use super::session::{ScanFiles, Session};
 use super::sheet::{self, Sheet};
-use super::workspace::Workspace;
+use super::workspace::{PHANTOM, Workspace};
 use super::{Finish, Launch, Opening, Resume, Shown};
 use crate::app::Overlay;
 use crate::components::slices::Orientation;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, program_name};
 use crate::host::log::Log;
 use crate::output;
 use crate::polyps::Detector;
@@ -47,8 +47,6 @@ const LOADING: Duration = Duration::from_millis(60);
 const LAYOUTS: Duration = Duration::from_millis(30);
 /// The window ends after more layouts in a row than this that have panicked.
 const MOST_PANICS: u32 = 5;
-/// Default size of a window, points.
-const USUAL: LogicalSize<f64> = LogicalSize::new(1024.0, 768.0);
 
 /// Events from other threads that wake the event loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,6 +105,7 @@ pub(crate) struct Shell {
     log: Option<Log>,
     seconds: Option<f64>,
     size: Option<ImageSize>,
+    placement: Placement,
     resume: Resume,
     session: Option<PathBuf>,
     /// The session file of the scan. Its name identifies the scan.
@@ -151,6 +150,11 @@ impl Shell {
             output::to_stderr(format_args!("note: {e}"));
         }
         let unsettled = unsettled.or(unlisted);
+        let (placement, unplaced) = Placement::open(Placement::usual_file());
+        if let Some(e) = &unplaced {
+            output::to_stderr(format_args!("note: {e}"));
+        }
+        let unsettled = unsettled.or(unplaced);
         let first = launch.first;
         // Closing a scan while it loads cancels the loading, not the program.
         let progress = Arc::new(Progress::new());
@@ -184,6 +188,7 @@ impl Shell {
             log: None,
             seconds: first.seconds,
             size: launch.size,
+            placement,
             resume: first.resume,
             opening: first.input,
             series: first.series,
@@ -213,6 +218,11 @@ impl Shell {
     pub(crate) fn end(mut self) -> Result<()> {
         if let Err(e) = self.workspace.keep() {
             output::to_stderr(format_args!("note: the layout was not saved: {e}"));
+        }
+        if let (Some(window), None) = (&self.window, self.size)
+            && let Err(e) = self.placement.keep(window)
+        {
+            output::to_stderr(format_args!("note: the size of the window was not saved: {e}"));
         }
         let unopened = match &self.stage {
             // Errors of scans opened in the window were shown there.
@@ -297,10 +307,21 @@ impl Shell {
         (self.session, self.scan, self.laid_out, self.painted) = (None, None, None, None);
         (self.flight_at, self.presented) = ([0; 4], PresentTimer::default());
         self.slices_at.clear();
+        if let Some(window) = &self.window {
+            window.set_title(&self.title());
+        }
         if let Some(framebuffer) = &mut self.framebuffer {
             framebuffer.forget_slices();
         }
         self.ask_for_picture();
+    }
+
+    /// Returns the title of the window: the scan, and the program.
+    fn title(&self) -> String {
+        let program = program_name();
+        let file = self.opening.as_deref().map(|path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy());
+        let series = self.series.map_or_else(String::new, |n| format!(", series {n}"));
+        file.map_or_else(|| format!("{PHANTOM} - {program}"), |file| format!("{file}{series} - {program}"))
     }
 
     fn fail(&mut self, e: Error, events: &ActiveEventLoop) {
@@ -339,7 +360,7 @@ impl Shell {
         // The wake-up may come from an earlier loading that was cancelled for this one.
         let Some(loaded) = loading.take() else { return Ok(()) };
         self.stage = Stage::Over;
-        let Ready { mut flight, session } = match loaded {
+        let Ready { mut flight, session, notes } = match loaded {
             Ok(ready) => ready,
             Err(e) if self.progress.is_cancelled() => return Err(e),
             Err(e) => {
@@ -397,6 +418,12 @@ impl Shell {
         } else if along.is_some() {
             let other = self.actions.hint("other-end", "starts from the other end");
             controller.say(format!("resumed where you left off{other}"), Instant::now());
+        }
+        self.workspace.warn(notes);
+        if self.placement.is_first() && self.size.is_none() && self.is_first {
+            // Nothing is missed while it is read.
+            controller.stop(Instant::now());
+            self.sheet = Some(Sheet::Welcome);
         }
         self.stage = Stage::Flying(Box::new(controller));
         Ok(())
@@ -538,7 +565,7 @@ impl Shell {
         self.laid_out_at = Some(now);
         match answer {
             sheet::Answer::Stay => {}
-            sheet::Answer::Close => (self.sheet, self.touched) = (None, true),
+            sheet::Answer::Close => self.close_sheet(now),
             sheet::Answer::Quit => self.quit(events),
         }
         self.follow(chosen.into_iter().chain(requests.take()), now, events);
@@ -622,11 +649,18 @@ impl Shell {
         }
     }
 
+    fn close_sheet(&mut self, now: Instant) {
+        if let (Some(Sheet::Welcome), Stage::Flying(c)) = (self.sheet.take(), &mut self.stage) {
+            c.start(now);
+        }
+        self.touched = true;
+    }
+
     /// Cancels the innermost of what is under way: a sheet, a tool, the list of scans, full screen, the loading of a scan.
     fn cancel(&mut self, events: &ActiveEventLoop) {
         let moment = self.moment(Instant::now());
-        if self.sheet.take().is_some() {
-            return;
+        if self.sheet.is_some() {
+            return self.close_sheet(Instant::now());
         }
         match &mut self.stage {
             Stage::Flying(c) => {
@@ -653,9 +687,10 @@ impl Shell {
                 _ => self.quit(events),
             },
             WindowRequest::Cancel => self.cancel(events),
-            WindowRequest::Help => {
-                self.sheet = if self.sheet.take().is_some() { None } else { Some(Sheet::keys()) };
-            }
+            WindowRequest::Help => match &self.sheet {
+                Some(Sheet::Keys { .. }) => self.close_sheet(Instant::now()),
+                _ => self.sheet = Some(Sheet::keys()),
+            },
             WindowRequest::Fullscreen => self.switch_fullscreen(),
             WindowRequest::Open => self.workspace.switch_named("open"),
             WindowRequest::Kinds => {
@@ -785,12 +820,7 @@ impl ApplicationHandler<Wake> for Shell {
         if self.window.is_some() {
             return;
         }
-        let size =
-            self.size.map_or(Size::Logical(USUAL), |s| PhysicalSize::new(s.width as u32, s.height as u32).into());
-        let attributes = Window::default_attributes()
-            .with_title("colvis")
-            .with_inner_size(size)
-            .with_min_inner_size(LogicalSize::new(320.0, 240.0));
+        let attributes = self.placement.attributes(self.size, events).with_title(self.title());
         match Framebuffer::open(events, attributes) {
             Ok(framebuffer) => {
                 let window = framebuffer.window();

@@ -1,9 +1,10 @@
 //! The row of buttons for what a reader does all the time.
 
-use egui::{Align, Button, Layout, RichText, Ui};
+use egui::{Align, Button, Label, Layout, RichText, Ui};
 use egui_phosphor::regular as icon;
 
 use super::actions::{Effect, WindowRequest};
+use super::overlay::SOFT;
 use super::panels::{Context, Requests};
 
 /// Below this width of the window the buttons have no names, points.
@@ -55,6 +56,12 @@ pub(crate) fn ui(context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
                     }
                 }
             });
+            ui.separator();
+            let hud = context.hud;
+            ui.label(RichText::new(&hud.state).color(hud.severity.colour()).strong());
+            // The rest of the row: a long name is cut off, and whole in its tooltip.
+            let name = context.scan_name();
+            ui.add(Label::new(RichText::new(name.as_ref()).color(SOFT)).truncate()).on_hover_text(name.as_ref());
         });
     });
 }

@@ -269,6 +269,8 @@ pub(crate) struct Workspace {
     is_broken: bool,
     /// True while the menus are shown over a layout without them.
     is_at_edge: bool,
+    /// Warnings about the scan that are not dismissed.
+    warnings: Vec<String>,
 }
 
 /// Distance of the pointer from the upper edge at which menus are shown there, and from which on they are not any more, points.
@@ -291,7 +293,8 @@ impl Workspace {
         let panels: Vec<Shown> = entries.iter().map(make).collect();
         let layouts = LAYOUTS.iter().map(|l| Arrangement::new(l, &panels)).collect();
         let first = LAYOUTS.iter().position(|l| l.name == FIRST).unwrap_or(0);
-        let mut made = Self { panels, layout: first, layouts, file, is_broken: false, is_at_edge: false };
+        let mut made =
+            Self { panels, layout: first, layouts, file, is_broken: false, is_at_edge: false, warnings: Vec::new() };
         let error = made.resume().err();
         if error.is_some() {
             made.file = None;
@@ -410,6 +413,9 @@ impl Workspace {
             egui::Panel::top("menus").show_inside(ui, |ui| self.menus(context, ui, requests));
             egui::Panel::top("tools").show_inside(ui, |ui| toolbar::ui(context, ui, requests));
         }
+        if !self.warnings.is_empty() {
+            egui::Panel::top("warnings").show_inside(ui, |ui| self.warn_above(ui));
+        }
         let area = ui.available_rect_before_wrap();
         let (panels, layout, is_broken) = (&mut self.panels, &mut self.layouts[self.layout], &mut self.is_broken);
         let mut closed = None;
@@ -419,6 +425,31 @@ impl Workspace {
         }
         if !is_headed {
             self.menus_at_edge(context, ui, area, requests);
+        }
+    }
+
+    /// Shows these warnings about the scan above the panels until they are dismissed. They replace those of another scan.
+    pub(crate) fn warn(&mut self, warnings: Vec<String>) {
+        self.warnings = warnings;
+    }
+
+    fn warn_above(&mut self, ui: &mut Ui) {
+        let mut dismissed = None;
+        for (n, warning) in self.warnings.iter().enumerate() {
+            ui.horizontal(|ui| {
+                ui.with_layout(egui::Layout::right_to_left(Align::Center), |ui| {
+                    if ui.button("Dismiss").clicked() {
+                        dismissed = Some(n);
+                    }
+                    ui.with_layout(egui::Layout::left_to_right(Align::Center), |ui| {
+                        let text = RichText::new(format!("{} {warning}", egui_phosphor::regular::WARNING));
+                        ui.add(egui::Label::new(text.color(Severity::Notice.colour())).wrap());
+                    });
+                });
+            });
+        }
+        if let Some(n) = dismissed {
+            self.warnings.remove(n);
         }
     }
 
@@ -461,13 +492,7 @@ impl Workspace {
             }
             ui.with_layout(egui::Layout::right_to_left(Align::Center), |ui| {
                 ui.label(RichText::new(DISCLAIMER).color(SOFT));
-                ui.separator();
                 let r = context.hud;
-                ui.label(RichText::new(&r.state).color(r.severity.colour()).strong());
-                ui.separator();
-                let name =
-                    context.opened.map_or(PHANTOM.into(), |o| o.0.file_name().unwrap_or_default().to_string_lossy());
-                ui.label(name.as_ref());
                 // If the flight is not shown, its messages need another place.
                 if let Some(message) = r.message.as_ref().filter(|_| !self.layouts[self.layout].is_shown("flight")) {
                     ui.separator();

@@ -13,6 +13,7 @@ mod pictures;
 mod series;
 pub mod slices;
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use egui::{MouseWheelUnit, Rect, Ui, Vec2};
@@ -26,6 +27,7 @@ use super::measures::Measures;
 use super::overlay::HudState;
 pub use super::own_action::ActionEntry;
 use super::seen::Seen;
+use super::workspace::PHANTOM;
 use crate::app::FlightApp;
 use crate::components::input::Command;
 use crate::components::slices::{Orientation, SliceView};
@@ -112,6 +114,17 @@ impl<'a> Context<'a> {
         hud: &'a HudState,
     ) -> Self {
         Self { flight: controller.flight(), controller, actions, recent, hud, opened: None, is_headed: false }
+    }
+
+    /// Returns the name of the open scan, and of its series if one was asked for.
+    pub(super) fn scan_name(&self) -> Cow<'a, str> {
+        match self.opened {
+            None => PHANTOM.into(),
+            Some((path, series)) => {
+                let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+                series.map_or_else(|| name.clone(), |n| format!("{name}, series {n}").into())
+            }
+        }
     }
 
     /// Tells whether the state is shown above all panels.

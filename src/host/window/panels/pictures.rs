@@ -315,8 +315,12 @@ fn every_layout_looks_as_it_did() {
         hold(&format!("layout-{}", layout.name), &stage.layout(layout.name));
     }
     let mut workspace = Workspace::new(BUILT_IN, Some("reading"), None).0;
-    for (name, mut sheet) in [("help", Sheet::keys()), ("quit", Sheet::Quit { why: "Nothing is finished.".to_owned() })]
-    {
+    workspace.warn(vec!["the header says prone, the level says supine: left and right may be wrong".to_owned()]);
+    for (name, mut sheet) in [
+        ("help", Sheet::keys()),
+        ("welcome", Sheet::Welcome),
+        ("quit", Sheet::Quit { why: "Nothing is finished.".to_owned() }),
+    ] {
         let picture = stage.picture(|context, ui, requests| {
             workspace.ui(context, ui, requests);
             assert_eq!(sheet.ui(context, ui, requests), crate::host::window::sheet::Answer::Stay);
