@@ -251,7 +251,12 @@ impl FlightController {
         if (is_pending || is_empty) && self.flight.setup().scene.picture {
             self.report_fault(&headless::without_image(&self.flight, "window", "show"), Instant::now());
         }
-        let presented = self.framebuffer().and_then(|mut f| f.take_presented()).transpose()?;
+        let (presented, refused) =
+            self.framebuffer().map_or((None, None), |mut f| (f.take_presented(), f.take_refused()));
+        if let Some(why) = refused {
+            self.say(format!("a picture could not be shown: {why}"), Instant::now());
+        }
+        let presented = presented.transpose()?;
         self.has_shown = true;
         if let Some(due) = due {
             self.view_renderer.traced(&self.flight, &due, presented.map(|p| p.traced_ms));

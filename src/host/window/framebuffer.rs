@@ -1,6 +1,5 @@
 //! The window's framebuffer, which presents a flight's pictures with the interface over them.
 
-use std::num::NonZeroU32;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
@@ -14,8 +13,8 @@ use super::layer::Placed;
 use super::painter::Painter;
 use super::screen::Screen;
 use crate::components::output::Picture;
-use crate::error::{Error, Result};
-use crate::render::{Frame, ImageSize};
+use crate::error::Result;
+use crate::render::Frame;
 use crate::systems::present::Presenter;
 
 /// A window's pixels.
@@ -27,6 +26,8 @@ pub(crate) struct Framebuffer {
     /// The slices as they were last received.
     slices: Vec<(Entity, Frame)>,
     presented: Option<Result<PresentResult>>,
+    /// Why the window system refused a picture.
+    refused: Option<String>,
 }
 
 /// Positions of pictures in the window: their upper left corners, pixels.
@@ -41,7 +42,8 @@ pub(crate) struct Places {
 /// Result of a presentation.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PresentResult {
-    /// True if the latest layout is over the picture. Otherwise it follows with one of the next pictures.
+    /// True if the latest layout is over the picture. Otherwise it follows with one of the next pictures, as does a picture that
+    /// the window system refused.
     pub settled: bool,
     /// From the finished picture to the presented one, ms.
     pub ms: f64,
@@ -61,6 +63,7 @@ impl Framebuffer {
             next: None,
             slices: Vec::new(),
             presented: None,
+            refused: None,
         })
     }
 
@@ -85,7 +88,7 @@ impl Framebuffer {
     /// Shows a layout without pictures below.
     ///
     /// # Errors
-    /// Returns status 1 if the window system refuses.
+    /// Returns status 1 if the display is lost.
     pub(crate) fn show_alone(&mut self, layout: &Arc<Layout>) -> Result<PresentResult> {
         self.painter.prepare(layout);
         self.show(&[])
@@ -102,6 +105,11 @@ impl Framebuffer {
     /// Takes the result of the last presentation; `None` if there was none.
     pub(crate) fn take_presented(&mut self) -> Option<Result<PresentResult>> {
         self.presented.take()
+    }
+
+    /// Takes the reason why the window system refused a picture, since the last call; `None` if it showed all.
+    pub(crate) fn take_refused(&mut self) -> Option<String> {
+        self.refused.take()
     }
 
     /// Shows the layout over the flight's picture, with the time that it took, and the slices.
@@ -121,22 +129,19 @@ impl Framebuffer {
     }
 
     /// Shows the layout over `pictures`. A window without pixels shows nothing.
+    ///
+    /// # Errors
+    /// Returns status 1 if the display is lost.
     fn show(&mut self, pictures: &[Placed<'_>]) -> Result<PresentResult> {
         let begun = Instant::now();
-        let size = self.screen.window.inner_size();
-        let (Some(width), Some(height)) = (NonZeroU32::new(size.width), NonZeroU32::new(size.height)) else {
+        let Some(size) = self.screen.size() else {
             return Ok(PresentResult { settled: true, ms: 0.0, traced_ms: 0.0 });
         };
-        let mut show = || {
-            self.screen.surface.resize(width, height)?;
-            let mut buffer = self.screen.surface.buffer_mut()?;
-            let pixels = ImageSize::new(size.width as usize, size.height as usize);
-            let settled = self.painter.paint(pixels, pictures, &mut buffer);
-            self.screen.window.pre_present_notify();
-            buffer.present().map(|()| settled)
-        };
-        let settled =
-            show().map_err(|e: softbuffer::SoftBufferError| Error::fault("window", e.to_string(), "use --headless"))?;
+        let shown = self.screen.show(size, |surface| self.painter.paint(size, pictures, surface))?;
+        let settled = shown.unwrap_or_else(|why| {
+            self.refused = Some(why);
+            false
+        });
         Ok(PresentResult { settled, ms: begun.elapsed().as_secs_f64() * 1e3, traced_ms: 0.0 })
     }
 }

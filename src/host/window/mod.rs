@@ -44,6 +44,8 @@ mod toolbar;
 mod travel;
 mod view_renderer;
 mod workspace;
+#[cfg_attr(not(all(unix, not(target_os = "macos"))), path = "no_x11.rs")]
+mod x11;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -262,6 +264,11 @@ pub(crate) fn run(display: Display, launch: Launch, progress: &Arc<Progress>) ->
     // Logs and other outputs first: they must be complete even if the display disconnected, or something panicked.
     let ended = panics::catch(|| shell.end());
     let fault = |why: String| Error::fault("window", format!("panicked: {why}"), "report it, or use --headless");
+    // winit panics or returns an error then.
+    if !matches!(looped, Ok(Ok(()))) && x11::is_display_lost() {
+        ended.map_err(fault)??;
+        return Err(screen::display_lost());
+    }
     let looped = looped.map_err(fault)?;
     ended.map_err(fault)??;
     looped.map_err(|e| Error::fault("window", e.to_string(), "use --headless"))

@@ -3,7 +3,6 @@
 //! Space pauses, R restarts, and a click restarts at that point. T, M, V and S show and hide tentacles, mines, the potential and
 //! the path flown. Q quits.
 
-use std::num::NonZeroU32;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -26,7 +25,7 @@ use crate::plane::picture::{Painter, Show};
 use crate::plane::plan::pair;
 use crate::plane::{Flight, State};
 use crate::progress::Progress;
-use crate::render::{Frame, ImageSize};
+use crate::render::Frame;
 
 /// Time between two pictures.
 const PERIOD: Duration = Duration::from_millis(16);
@@ -114,13 +113,10 @@ impl Shell {
             (0..steps).for_each(|_| self.flight.step());
         }
         let Some(screen) = &mut self.screen else { return Ok(()) };
-        let size = screen.window.inner_size();
-        let (Some(width), Some(height)) = (NonZeroU32::new(size.width), NonZeroU32::new(size.height)) else {
-            // Minimised: there is nothing to paint on.
-            return Ok(());
-        };
-        let (w, h) = (size.width as usize, size.height as usize);
-        let scale = Painter::scale_for(&self.flight, ImageSize::new(w, h));
+        // Minimised: there is nothing to paint on.
+        let Some(size) = screen.size() else { return Ok(()) };
+        let (w, h) = (size.width, size.height);
+        let scale = Painter::scale_for(&self.flight, size);
         self.painter.paint(&self.flight, self.show, scale, &mut self.frame);
         let (fw, fh) = (self.frame.width(), self.frame.height());
         self.place = (w.saturating_sub(fw) / 2, h.saturating_sub(fh) / 2, scale);
@@ -131,19 +127,16 @@ impl Shell {
         }
         let (left, top, _) = self.place;
         let frame = &self.frame;
-        let show = |screen: &mut Screen| {
-            screen.surface.resize(width, height)?;
-            let mut buffer = screen.surface.buffer_mut()?;
+        let shown = screen.show(size, |buffer| {
             buffer.fill(MARGIN);
             for (y, row) in frame.pixels().chunks_exact(fw).enumerate().take(h.saturating_sub(top)) {
                 for (to, &[r, g, b]) in buffer[(y + top) * w + left..(y + top + 1) * w].iter_mut().zip(row) {
                     *to = u32::from_be_bytes([0, r, g, b]);
                 }
             }
-            screen.window.pre_present_notify();
-            buffer.present()
-        };
-        show(screen).map_err(|e: softbuffer::SoftBufferError| Error::fault("window", e.to_string(), "use --headless"))
+        });
+        // A refused picture has been reported, and the next one comes soon.
+        shown.map(|_| ())
     }
 
     fn open(&mut self, events: &ActiveEventLoop) -> Result<()> {
@@ -221,6 +214,7 @@ impl ApplicationHandler<Wake> for Shell {
 mod tests {
     use super::*;
     use crate::plane::{Drawing, PlaneSettings};
+    use crate::render::ImageSize;
 
     /// The window, not yet open, of a flight through a corridor of 78 × 18 mm.
     fn shell() -> Shell {
