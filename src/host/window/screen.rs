@@ -37,7 +37,11 @@ impl Screen {
         let made = events.create_window(attributes).map_err(|e| e.to_string()).and_then(|window| {
             let window = Rc::new(window);
             let context = Context::new(events.owned_display_handle()).map_err(|e| e.to_string())?;
-            let pixels = Pixels::Shared(Surface::new(&context, Rc::clone(&window)).map_err(|e| e.to_string())?);
+            let pixels = match Surface::new(&context, Rc::clone(&window)) {
+                Ok(surface) => Pixels::Shared(surface),
+                // Displays of 16 or 30 bits, for example.
+                Err(e) => Pixels::Sent(Box::new(XPixels::open(&window).ok_or_else(|| e.to_string())??)),
+            };
             window.request_redraw();
             Ok(Self { window, pixels, reported: false })
         });
