@@ -8,6 +8,7 @@ mod assistant;
 mod cleansing;
 mod controller;
 mod directions;
+mod display;
 mod field_job;
 mod figures;
 mod folders;
@@ -51,17 +52,16 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use winit::event_loop::EventLoop;
-
 use crate::app::{FlightApp, Overlay};
 use crate::error::{Error, Result};
 use crate::host::frames::FrameStats;
-use crate::panics::{self, catch_panic};
+use crate::panics;
 use crate::polyps::Detector;
 use crate::progress::Progress;
 use crate::render::ImageSize;
 use crate::schedule::Guides;
 use actions::{Actions, KeySettings};
+pub(crate) use display::Display;
 pub(crate) use loading::{Prepare, SessionFile};
 pub(crate) use moving::Moving;
 pub(crate) use painter::{Marker, pixels_a_point};
@@ -221,25 +221,6 @@ pub(crate) enum Resume {
     Nothing,
     /// Nothing, and nothing is stored: a flight that repeats another, or that will be repeated.
     Never,
-}
-
-/// A display on which a window can be opened.
-pub(crate) struct Display(EventLoop<Wake>);
-
-impl Display {
-    /// Opens the display of this session; `None` if there is none or it cannot be used. Call it once, on the program's first
-    /// thread.
-    pub(crate) fn open() -> Option<Self> {
-        let set = |name: &str| std::env::var_os(name).is_some_and(|v| !v.is_empty());
-        if cfg!(all(unix, not(target_os = "macos")))
-            && !["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"].map(set).contains(&true)
-        {
-            return None;
-        }
-        // If a system library or an extension of the X server is missing, winit panics instead of returning an error. No display
-        // is available then, and the flight continues without one.
-        catch_panic(|| EventLoop::with_user_event().build().ok()).ok().flatten().map(Self)
-    }
 }
 
 /// Opens a window and flies until it is closed.
