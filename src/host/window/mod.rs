@@ -40,6 +40,7 @@ mod settings;
 mod sheet;
 mod shell;
 mod slices;
+mod stroke;
 mod told;
 mod toolbar;
 mod travel;

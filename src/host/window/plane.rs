@@ -11,10 +11,11 @@ use winit::application::ApplicationHandler;
 use winit::dpi::{LogicalSize, PhysicalPosition};
 use winit::event::{ElementState, MouseButton, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow};
-use winit::keyboard::{Key, NamedKey};
+use winit::keyboard::ModifiersState;
 use winit::window::{Window, WindowId};
 
 use super::screen::Screen;
+use super::stroke::Stroke;
 use super::{Display, Wake};
 use crate::components::clock::Accumulator;
 use crate::error::{Error, Result};
@@ -31,6 +32,8 @@ use crate::render::Frame;
 const PERIOD: Duration = Duration::from_millis(16);
 /// Maximum number of steps to catch up per picture.
 const MOST_STEPS: u32 = 12;
+/// Keys with an action.
+const KEYS: [&str; 8] = ["Space", "Esc", "Q", "R", "T", "M", "V", "S"];
 /// Colour around the picture, `0x00RRGGBB`.
 const MARGIN: u32 = 0x0018_161a;
 
@@ -45,6 +48,7 @@ struct Shell {
     /// Position of the picture in the window: left, top, and window pixels per pixel of the drawing.
     place: (usize, usize, usize),
     cursor: PhysicalPosition<f64>,
+    modifiers: ModifiersState,
     screen: Option<Screen>,
     outcome: Result<()>,
     progress: Arc<Progress>,
@@ -67,6 +71,7 @@ pub(crate) fn run(display: Display, flight: Flight, progress: &Arc<Progress>) ->
         last: Instant::now(),
         place: (0, 0, 1),
         cursor: PhysicalPosition::default(),
+        modifiers: ModifiersState::empty(),
         screen: None,
         outcome: Ok(()),
         progress: Arc::clone(progress),
@@ -77,19 +82,16 @@ pub(crate) fn run(display: Display, flight: Flight, progress: &Arc<Progress>) ->
 }
 
 impl Shell {
-    fn key(&mut self, key: &Key, events: &ActiveEventLoop) {
-        match key {
-            Key::Named(NamedKey::Space) => self.paused = !self.paused,
-            Key::Named(NamedKey::Escape) => events.exit(),
-            Key::Character(c) => match c.to_lowercase().as_str() {
-                "q" => events.exit(),
-                "r" => self.flight.restart(),
-                "t" => self.show.tentacles ^= true,
-                "m" => self.show.mines ^= true,
-                "v" => self.show.potential ^= true,
-                "s" => self.show.trajectory ^= true,
-                _ => {}
-            },
+    fn key(&mut self, stroke: &Stroke, events: &ActiveEventLoop) {
+        let Some(key) = stroke.chord(|c| KEYS.contains(&&*c.to_string())) else { return };
+        match key.to_string().as_str() {
+            "Space" => self.paused = !self.paused,
+            "Esc" | "Q" => events.exit(),
+            "R" => self.flight.restart(),
+            "T" => self.show.tentacles ^= true,
+            "M" => self.show.mines ^= true,
+            "V" => self.show.potential ^= true,
+            "S" => self.show.trajectory ^= true,
             _ => {}
         }
     }
@@ -188,8 +190,9 @@ impl ApplicationHandler<Wake> for Shell {
                 }
             }
             WindowEvent::KeyboardInput { event, .. } if event.state == ElementState::Pressed && !event.repeat => {
-                self.key(&event.logical_key, events);
+                self.key(&Stroke::of(&event, self.modifiers, false), events);
             }
+            WindowEvent::ModifiersChanged(m) => self.modifiers = m.state(),
             WindowEvent::CursorMoved { position, .. } => self.cursor = position,
             WindowEvent::MouseInput { button: MouseButton::Left, state: ElementState::Pressed, .. } => self.click(),
             _ => {}
@@ -232,6 +235,7 @@ mod tests {
             last: Instant::now(),
             place: (0, 0, 1),
             cursor: PhysicalPosition::default(),
+            modifiers: ModifiersState::empty(),
             screen: None,
             outcome: Ok(()),
             progress: Arc::new(Progress::new()),

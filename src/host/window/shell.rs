@@ -17,7 +17,7 @@ use super::assistant::Assistant;
 use super::controller::FlightController;
 use super::framebuffer::{Framebuffer, Places};
 use super::interface::{Interface, WindowSize};
-use super::keys::{Chord, HeldKeys};
+use super::keys::HeldKeys;
 use super::loading::{Loading, Prepare, Ready};
 use super::measures::Measures;
 use super::overlay::{self, Content};
@@ -29,6 +29,7 @@ use super::recent::Recent;
 use super::screenshot_renderer::WakeUp;
 use super::session::{ScanFiles, Session};
 use super::sheet::{self, Sheet};
+use super::stroke::{Pressed, Stroke};
 use super::workspace::{PHANTOM, Workspace};
 use super::{Finish, Launch, Opening, Resume, Shown};
 use crate::app::Overlay;
@@ -101,6 +102,8 @@ pub(crate) struct Shell {
     /// True if the program itself requested the next picture.
     asked: bool,
     modifiers: ModifiersState,
+    /// The keys that are held.
+    pressed: Pressed,
     log_path: Option<PathBuf>,
     log: Option<Log>,
     seconds: Option<f64>,
@@ -184,6 +187,7 @@ impl Shell {
             beat: Instant::now(),
             asked: false,
             modifiers: ModifiersState::empty(),
+            pressed: Pressed::default(),
             log_path: first.log,
             log: None,
             seconds: first.seconds,
@@ -440,8 +444,15 @@ impl Shell {
         }
         // Ctrl-C and similar combinations are not handled here.
         let other = self.modifiers.intersects(ModifiersState::ALT | ModifiersState::SUPER) && !self.controls();
-        let Some(chord) = Chord::of(&event.logical_key, self.controls()) else { return };
+        if !pressed && let Some(hold) = self.pressed.release(event.physical_key) {
+            if let Stage::Flying(c) = &mut self.stage {
+                c.steer(|held| held.release(hold), now);
+            }
+            return;
+        }
         let actions = Rc::clone(&self.actions);
+        let stroke = Stroke::of(event, self.modifiers, self.controls());
+        let Some(chord) = stroke.chord(|c| actions.of_key(c).is_some()) else { return };
         // A released key is always let go, whatever modifiers are held.
         let action = actions.of_key(&chord).or_else(|| actions.of_key(&chord.plain()).filter(|_| !pressed));
         let Some(action) = action.filter(|_| !pressed || !other) else { return };
@@ -453,6 +464,9 @@ impl Shell {
         let once = pressed && (action.repeats || !event.repeat);
         match (action.effect, &mut self.stage) {
             (Effect::Hold(hold), Stage::Flying(c)) => {
+                if pressed {
+                    self.pressed.press(event.physical_key, hold);
+                }
                 c.steer(|held| if pressed { held.press(hold) } else { held.release(hold) }, now);
             }
             _ if once => self.run(action, now, events),
