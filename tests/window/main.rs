@@ -70,7 +70,12 @@ struct Screen {
 impl Screen {
     /// Opens a virtual screen, or returns `None` if the tools for it are missing.
     fn open() -> Option<Self> {
-        for tool in ["Xvfb", "xdotool", "import"] {
+        Self::open_with(&format!("{}x{}x24", SIZE.0, SIZE.1), &[], &[])
+    }
+
+    /// Works like [`Screen::open`] for a screen of that width, height and depth, with more arguments of its server and more tools.
+    fn open_with(screen: &str, more: &[&str], tools: &[&str]) -> Option<Self> {
+        for tool in ["Xvfb", "xdotool", "import"].iter().chain(tools) {
             let path = std::env::var_os("PATH")?;
             if !std::env::split_paths(&path).any(|p| p.join(tool).is_file()) {
                 skip("screen", &format!("there is no {tool}"));
@@ -78,8 +83,8 @@ impl Screen {
             }
         }
         let mut server = Command::new("Xvfb")
-            .args(["-displayfd", "1", "-nolisten", "tcp", "-screen", "0"])
-            .arg(format!("{}x{}x24", SIZE.0, SIZE.1))
+            .args(["-displayfd", "1", "-nolisten", "tcp", "-screen", "0", screen])
+            .args(more)
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
@@ -747,6 +752,91 @@ fn a_drawn_lumen_in_a_window() {
     screen.key("q");
     let status = window.wait();
     assert!(status.success() && window.output().1.is_empty());
+}
+
+/// Without shared memory (`ssh -X`, containers), a frame may be longer than the server's longest request.
+#[test]
+fn a_window_of_any_size_without_shared_memory() {
+    let Some(screen) = Screen::open_with("2560x1700x24", &["-extension", "MIT-SHM"], &[]) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = screen.fly(folder.path(), "f.jsonl");
+    screen.key("space");
+    let id = String::from_utf8(screen.tool("xdotool", &["search", "--name", "colvis"])).unwrap();
+    screen.tool("xdotool", &["windowsize", id.lines().next().unwrap(), "2560", "1700"]);
+    // To its lower right corner: what is above the last strip does not count.
+    let corner = |i: &RgbImage| image::imageops::crop_imm(i, 1900, 1100, 600, 560).to_image();
+    screen.shot_when("a large picture", |i| shows(&corner(i)));
+    screen.key("q");
+    let status = window.wait();
+    let (_, err) = window.output();
+    assert!(status.success() && err.is_empty(), "{status}: {err}");
+    assert!(!log(folder.path(), "f.jsonl").is_empty());
+}
+
+/// Displays of 16 and 30 bits show the same colours as usual ones, as far as they have them.
+#[test]
+fn a_window_on_displays_of_other_depths() {
+    let folder = tempfile::tempdir().unwrap();
+    let colours = |depth: u8| {
+        let screen = Screen::open_with(&format!("{}x{}x{depth}", SIZE.0, SIZE.1), &[], &[])?;
+        let way = |i: &RgbImage| share(i, |[r, g, b]| r > 210 && (90..150).contains(&g) && b < 60) > 0.002;
+        let mut window = screen.open_window(folder.path(), &["plane", "ring"], way);
+        screen.key("v");
+        let grey = |[r, g, b]: [u8; 3]| r.abs_diff(232) < 9 && g.abs_diff(236) < 9 && b.abs_diff(240) < 9;
+        let shot = screen.shot_when(&format!("the lumen in {depth} bits"), |i| share(i, grey) > 0.1);
+        screen.key("q");
+        let status = window.wait();
+        let (_, err) = window.output();
+        assert!(status.success() && err.is_empty(), "{depth}: {status}: {err}");
+        Some(share(&shot, grey))
+    };
+    let Some(usual) = colours(24) else { return };
+    for depth in [16, 30] {
+        let share = colours(depth).unwrap();
+        assert!((share - usual).abs() < 0.01, "{depth} bits: {share}, {usual}");
+    }
+    // The flight's window.
+    let Some(screen) = Screen::open_with(&format!("{}x{}x16", SIZE.0, SIZE.1), &[], &[]) else { return };
+    let mut window = screen.fly(folder.path(), "f.jsonl");
+    screen.key("q");
+    assert!(window.wait().success() && window.output().1.is_empty());
+}
+
+#[test]
+fn a_stale_wayland_display_does_not_hide_the_x_display() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let mut program = Command::new("env");
+    program.arg("WAYLAND_DISPLAY=wayland-9").arg(format!("XDG_RUNTIME_DIR={}", folder.path().display()));
+    program.arg(colvis().get_program());
+    let mut window =
+        screen.open_program(program, folder.path(), &["plane", "ring"], |i| share(i, |p| p[0] > 150) > 0.1);
+    screen.key("q");
+    let status = window.wait();
+    let (_, err) = window.output();
+    let is_told = err.starts_with("note: ") && err.contains("wayland-9") && err.lines().count() == 1;
+    assert!(status.success() && is_told, "{status}: {err}");
+}
+
+/// The keys of digits and letters work where the layout prints other characters.
+#[test]
+fn keys_work_on_other_layouts() {
+    let Some(screen) = Screen::open_with(&format!("{}x{}x24", SIZE.0, SIZE.1), &[], &["setxkbmap"]) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = screen.fly(folder.path(), "f.jsonl");
+    // Keycodes of the places of 3, G and Q on a US keyboard.
+    for (layout, place, seconds) in [("fr", "12", 5), ("ru", "42", 1), ("gr", "42", 1), ("ru", "24", 0)] {
+        screen.tool("setxkbmap", &[layout]);
+        std::thread::sleep(Duration::from_millis(500));
+        screen.key(place);
+        std::thread::sleep(Duration::from_secs(seconds));
+    }
+    let status = window.wait();
+    let (_, err) = window.output();
+    assert!(status.success() && err.is_empty(), "{status}: {err}");
+    let mut steered: Vec<String> = log(folder.path(), "f.jsonl").into_iter().map(|l| l.guide).collect();
+    steered.dedup();
+    assert_eq!(steered, ["tentacles", "path", "manual", "path"]);
 }
 
 /// The examples with window content show it, and exit correctly.
