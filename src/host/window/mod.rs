@@ -17,6 +17,7 @@ mod interface;
 mod job;
 mod keys;
 mod kinds;
+mod last_words;
 mod layer;
 mod loading;
 mod measures;
@@ -50,6 +51,7 @@ mod workspace;
 mod x11;
 
 use std::path::PathBuf;
+use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -241,10 +243,10 @@ pub(crate) fn run(display: Display, launch: Launch, progress: &Arc<Progress>) ->
         let _ = wake.send_event(Wake::Interrupted);
     });
     watcher.map_err(|e| Error::fault("window", e.to_string(), "close other programs"))?;
-    let mut shell = Shell::new(launch, proxy)?;
-    let looped = panics::catch(|| display.0.run_app(&mut shell));
+    let shell = last_words::keep(Shell::new(launch, proxy)?);
+    let looped = panics::catch(|| display.0.run_app(&mut last_words::Handler(Rc::clone(&shell))));
     // Logs and other outputs first: they must be complete even if the display disconnected, or something panicked.
-    let ended = panics::catch(|| shell.end());
+    let ended = panics::catch(|| last_words::take(&shell).map_or(Ok(()), Shell::end));
     let fault = |why: String| Error::fault("window", format!("panicked: {why}"), "report it, or use --headless");
     // winit panics or returns an error then.
     if !matches!(looped, Ok(Ok(()))) && x11::is_display_lost() {

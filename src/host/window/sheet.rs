@@ -8,7 +8,7 @@ use super::overlay::{SOFT, Severity};
 use super::panels::{Context, Requests};
 
 /// Least width of a column of keys, points.
-const COLUMN: f32 = 420.0;
+const COLUMN: f32 = 380.0;
 /// Width of the keys in a column, points.
 const KEYS: f32 = 170.0;
 /// Share of the window's width and height that the list of keys may take.

@@ -37,6 +37,7 @@ use crate::components::slices::Orientation;
 use crate::error::{Error, Result, program_name};
 use crate::host::log::Log;
 use crate::output;
+use crate::panics;
 use crate::polyps::Detector;
 use crate::progress::Progress;
 use crate::render::ImageSize;
@@ -223,11 +224,6 @@ impl Shell {
         if let Err(e) = self.workspace.keep() {
             output::to_stderr(format_args!("note: the layout was not saved: {e}"));
         }
-        if let (Some(window), None) = (&self.window, self.size)
-            && let Err(e) = self.placement.keep(window)
-        {
-            output::to_stderr(format_args!("note: the size of the window was not saved: {e}"));
-        }
         let unopened = match &self.stage {
             // Errors of scans opened in the window were shown there.
             Stage::Failed(e) if self.is_first => Err(e.clone()),
@@ -235,7 +231,27 @@ impl Shell {
             Stage::Failed(_) | Stage::Loading(_) | Stage::Flying(_) | Stage::Over => Ok(()),
         };
         let closed = self.close();
+        // Last, since it asks the window system, which may have gone.
+        if let (Some(window), None) = (&self.window, self.size)
+            && let Ok(Err(e)) = panics::catch(|| self.placement.keep(window))
+        {
+            output::to_stderr(format_args!("note: the size of the window was not saved: {e}"));
+        }
         self.outcome.and(unopened).and(closed)
+    }
+
+    /// Writes the outputs of the flight when the display is lost. What belongs to the window system is left as it is: to close it
+    /// would ask that for something.
+    ///
+    /// # Errors
+    /// Returns the first error.
+    pub(crate) fn end_without_display(mut self) -> Result<()> {
+        if let Err(e) = self.workspace.keep() {
+            output::to_stderr(format_args!("note: the layout was not saved: {e}"));
+        }
+        let closed = self.close();
+        std::mem::forget(self);
+        closed
     }
 
     /// Closes the open scan and writes the outputs of its flight.
