@@ -323,6 +323,11 @@ impl LiveCoverage {
         &self.wall
     }
 
+    /// Returns the camera of the views.
+    pub fn camera(&self) -> &Perspective {
+        &self.camera
+    }
+
     /// Tells whether the flight is over: then nothing of the wall is still to come.
     pub fn set_over(&mut self, is_over: bool) {
         self.is_over = is_over;

@@ -2,11 +2,13 @@
 
 use glam::DVec3;
 use rayon::prelude::*;
+use serde::Serialize as _;
 
 use super::sight::{FLATTEST_DEGREES, REACH_MM};
 use super::wall::Wall;
 use crate::dynamics::Attitude;
-use crate::fields::{ClearanceFinder, Clearances};
+use crate::fields::{AlongColon, ClearanceFinder, Clearances};
+use crate::render::camera::Perspective;
 use crate::space::PreparedVolume;
 
 /// Minimum area of a patch that is told, mm²: a study of 223 patients counts patches from this area on.
@@ -21,6 +23,8 @@ const FREE_MM: f64 = 0.5;
 const ABOUT_MM: f64 = 5.0;
 /// Distance from the wall into the gas at which a patch is looked up along the colon, mm.
 const INTO_GAS_MM: f64 = 2.0;
+/// A patch needs no look of its own if others show this share of it.
+const SHOWN: f64 = 0.7;
 /// Triangles of a patch that are tried from each place, at most.
 const TRIED: usize = 32;
 
@@ -33,13 +37,19 @@ pub struct Missed {
     pub position: DVec3,
     /// Its mean unit normal into the gas, world.
     pub normal: DVec3,
-    /// Distance along the colon from the rectum, mm (see [`Along`](crate::fields::Along)); `None` if that is not known.
-    pub along_mm: Option<f64>,
+    /// Where it is along the colon; `None` if that is not known. Files have the distance alone, as `along_mm`.
+    #[serde(rename = "along_mm", serialize_with = "distance_alone")]
+    pub along: Option<AlongColon>,
     /// Where most of it is seen from; `None` if no place was found where the camera fits.
     pub look_from: Option<LookFrom>,
     /// Its triangles.
     #[serde(skip)]
     pub triangles: Vec<u32>,
+}
+
+/// Writes the distance along the colon, mm.
+fn distance_alone<S: serde::Serializer>(along: &Option<AlongColon>, to: S) -> Result<S::Ok, S::Error> {
+    along.map(|a| a.mm).serialize(to)
 }
 
 /// A view of a missed patch.
@@ -54,13 +64,13 @@ pub struct LookFrom {
 }
 
 /// Returns the patches of at least `least_mm2` for whose triangles `is_seen` is false, the largest first. Triangles that share an edge
-/// belong to one patch. `along` tells how far along the colon a place in the gas is (world mm), and the camera that flies in `volume` has
+/// belong to one patch. `along` tells where along the colon a place in the gas is (world mm), and the camera that flies in `volume` has
 /// a radius of `radius_mm`.
 pub fn missed(
     wall: &Wall,
     is_seen: impl Fn(usize) -> bool,
     least_mm2: f64,
-    along: impl Fn(DVec3) -> Option<f64> + Sync,
+    along: impl Fn(DVec3) -> Option<AlongColon> + Sync,
     volume: &PreparedVolume,
     radius_mm: f64,
 ) -> Vec<Missed> {
@@ -80,13 +90,40 @@ pub fn missed(
             let far = |n: &u32| wall.centroid(*n as usize).distance_squared(middle);
             let nearest = *triangles.iter().min_by(|a, b| far(a).total_cmp(&far(b)))?;
             let position = wall.centroid(nearest as usize);
-            let along_mm = along(position + wall.normal(nearest as usize) * INTO_GAS_MM);
+            let along = along(position + wall.normal(nearest as usize) * INTO_GAS_MM);
             let look_from = look_from(wall, &triangles, position, normal, walls, radius_mm);
-            Some(Missed { area_mm2, position, normal, along_mm, look_from, triangles })
+            Some(Missed { area_mm2, position, normal, along, look_from, triangles })
         })
         .collect();
     found.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
     found
+}
+
+/// Returns the numbers of the patches that a review looks at, in their order: those that can be looked at, without those of which the
+/// views of the ones before show most. `unseen` is the part of the wall that was not seen, with the `numbers` of its triangles in the
+/// whole wall (see [`Wall::part`]).
+pub fn to_visit(
+    patches: &[Missed],
+    unseen: &Wall,
+    numbers: &[u32],
+    volume: &PreparedVolume,
+    camera: &Perspective,
+) -> Vec<usize> {
+    let mut is_shown = vec![false; unseen.len()];
+    let mut visited = Vec::new();
+    for (n, patch) in patches.iter().enumerate() {
+        let Some(from) = patch.look_from else { continue };
+        let own = patch.triangles.iter().filter_map(|t| numbers.binary_search(t).ok());
+        let shown_mm2: f64 = own.filter(|&t| is_shown[t]).map(|t| unseen.mm2_at(t)).sum();
+        if shown_mm2 > SHOWN * patch.area_mm2 {
+            continue;
+        }
+        let view = (from.position, Attitude::new(from.forward, from.up));
+        let sights = unseen.seen(volume, &[view], camera, false);
+        sights.iter().zip(&mut is_shown).for_each(|(s, shown)| *shown |= s.ahead > 0);
+        visited.push(n);
+    }
+    visited
 }
 
 /// Returns where some places on or near a wall (world mm) are seen from by a camera of `radius_mm` that fits there; `None` for a place

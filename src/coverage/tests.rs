@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 
-use super::missed::{self, LEAST_MM2};
+use super::missed::{self, LEAST_MM2, Missed};
 use super::{Coverage, CoveragePaint, LiveCoverage, Sight, Wall, paint_slice};
 use crate::dynamics::Attitude;
-use crate::fields::{ClearanceFinder, lumen};
+use crate::fields::{AlongColon, ClearanceFinder, lumen};
 use crate::progress::Progress;
 use crate::render::camera::Perspective;
 use crate::render::slice::{Slice, SlicePlane};
@@ -136,6 +136,10 @@ fn nothing_seen_and_nothing_to_see() {
     );
 }
 
+fn along_z_axis(p: DVec3) -> Option<AlongColon> {
+    Some(AlongColon { segment: 0, mm: p.z, part: Some("sigmoid"), is_guessed: false })
+}
+
 /// A tube along z with a pocket of radius 6 mm that extends 30 mm along x from its axis.
 #[test]
 fn a_pocket_that_was_missed_is_told_with_a_place_to_look_from() {
@@ -149,11 +153,11 @@ fn a_pocket_that_was_missed_is_told_with_a_place_to_look_from() {
     let views = along_z([2.0, 97.0], 1.0);
     let (sights, coverage) = seen(&wall, &volume, &views, false);
     let walls = ClearanceFinder::new(volume.shared_voxels(), volume.transfer().iso() as f32, 3.0);
-    let missed = missed::missed(&wall, |n| sights[n].ahead > 0, LEAST_MM2, |p| Some(p.z), &volume, 1.5);
+    let missed = missed::missed(&wall, |n| sights[n].ahead > 0, LEAST_MM2, along_z_axis, &volume, 1.5);
     let place = |p: DVec3| p.x > R;
     let pocket = missed.iter().find(|m| place(m.position)).expect("the pocket's rear is not seen");
     assert!(missed.is_sorted_by(|a, b| a.area_mm2 >= b.area_mm2) && missed.iter().all(|m| m.area_mm2 >= LEAST_MM2));
-    assert!(pocket.along_mm.is_some_and(|mm| (mm - 50.0).abs() < 8.0), "{:?}", pocket.along_mm);
+    assert!(pocket.along.is_some_and(|a| (a.mm - 50.0).abs() < 8.0), "{:?}", pocket.along);
     let sum: f64 = pocket.triangles.iter().map(|&n| f64::from(wall.areas[n as usize])).sum();
     assert!((sum - pocket.area_mm2).abs() < 1e-6 && pocket.normal.is_normalized());
     assert!(pocket.triangles.iter().all(|&n| sights[n as usize].ahead == 0));
@@ -162,6 +166,23 @@ fn a_pocket_that_was_missed_is_told_with_a_place_to_look_from() {
     assert!(
         walls.at(from.position).mm >= 2.0 && from.forward.is_normalized() && from.up.dot(from.forward).abs() < 1e-9
     );
+    // A patch that is seen from there too needs no look of its own, and one that cannot be looked at has none.
+    let camera = Perspective::new(90.0).unwrap();
+    let (unseen, numbers) = wall.part(|n| sights[n].ahead == 0);
+    let view = (from.position, Attitude::new(from.forward, from.up));
+    let shown = unseen.seen(&volume, &[view], &camera, false);
+    let triangles: Vec<u32> = pocket
+        .triangles
+        .iter()
+        .copied()
+        .filter(|t| numbers.binary_search(t).is_ok_and(|n| shown[n].ahead > 0))
+        .collect();
+    let area_mm2 = triangles.iter().map(|&n| f64::from(wall.areas[n as usize])).sum();
+    let beside = Missed { area_mm2, triangles, ..pocket.clone() };
+    let narrow = Missed { look_from: None, ..pocket.clone() };
+    let visited = |patches: &[Missed]| missed::to_visit(patches, &unseen, &numbers, &volume, &camera);
+    assert_eq!(visited(&[narrow, pocket.clone(), beside.clone()]), [1]);
+    assert_eq!(visited(&[beside]), [0]);
     // A place on the pocket's wall is looked at, too, and one that is nowhere is not.
     let looks = missed::look_at(&wall, &[pocket.position, DVec3::splat(500.0), DVec3::NAN], &volume, 1.5);
     let look = looks[0].unwrap();
@@ -182,7 +203,7 @@ fn a_pocket_that_was_missed_is_told_with_a_place_to_look_from() {
     // Everything seen: nothing is missed; nothing seen: all of the wall is one patch.
     assert!(missed::missed(&wall, |_| true, 0.0, |_| None, &volume, 1.5).is_empty());
     let all = missed::missed(&wall, |_| false, LEAST_MM2, |_| None, &volume, 1.5);
-    assert!(all.len() == 1 && (all[0].area_mm2 / wall.mm2() - 1.0).abs() < 1e-6 && all[0].along_mm.is_none());
+    assert!(all.len() == 1 && (all[0].area_mm2 / wall.mm2() - 1.0).abs() < 1e-6 && all[0].along.is_none());
 }
 
 #[test]

@@ -24,6 +24,8 @@ use crate::volume::Volume;
 
 /// A place farther than this from the lumen is nowhere along it, mm.
 const NEAR_MM: f64 = 12.0;
+/// Distances are told in steps of this, mm.
+const STEP_MM: f64 = 10.0;
 /// A place's point of the line is at most this far along it from that of its cell, mm.
 const NEAR_ALONG_MM: f64 = 20.0;
 
@@ -38,6 +40,23 @@ pub struct AlongColon {
     pub part: Option<&'static str>,
     /// True where the line is a guess.
     pub is_guessed: bool,
+}
+
+impl AlongColon {
+    /// Returns the place in words, as lists tell it: "descending, 840 mm", the part of the colon and the distance from the rectum, in
+    /// steps of 10 mm. Where the line is a guess it is "about 840 mm". If the parts are not known, the segment takes their place,
+    /// numbered from 0 as in files, and the distance is that from its end nearer to the rectum.
+    pub fn text(&self) -> String {
+        let part = self.part.map_or_else(|| format!("segment {}", self.segment), str::to_owned);
+        let about = if self.is_guessed { "about " } else { "" };
+        format!("{part}, {about}{:.0} mm", (self.mm / STEP_MM).round() * STEP_MM)
+    }
+
+    /// Returns what [`AlongColon::text`] tells, and from where: "descending, 840 mm from the rectum".
+    pub fn full_text(&self) -> String {
+        let from = if self.part.is_some() { "the rectum" } else { "its end nearer to the rectum" };
+        format!("{} from {from}", self.text())
+    }
 }
 
 /// The measure along a colon.
@@ -272,6 +291,17 @@ mod tests {
             }
         }
         assert_eq!(Along::default().of(DVec3::ZERO), None);
+    }
+
+    #[test]
+    fn a_place_is_told_in_words_and_a_guess_as_one() {
+        let place = AlongColon { segment: 1, mm: 837.4, part: Some("descending"), is_guessed: false };
+        assert_eq!(place.text(), "descending, 840 mm");
+        assert_eq!(AlongColon { is_guessed: true, ..place }.text(), "descending, about 840 mm");
+        assert_eq!(place.full_text(), "descending, 840 mm from the rectum");
+        // Its number is that of the files.
+        let alone = AlongColon { part: None, ..place };
+        assert_eq!(alone.full_text(), "segment 1, 840 mm from its end nearer to the rectum");
     }
 
     /// Two limbs with a thin wall between them: beside the wall, the middle of the narrow one is nearer than that of the wide one.

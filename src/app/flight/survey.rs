@@ -10,7 +10,6 @@ use crate::components::play::Playback;
 use crate::components::review::ReviewStop;
 use crate::components::trail::Trail;
 use crate::coverage::{Coverage, LiveCoverage, LookFrom, Missed, Sight, Wall, missed, part};
-use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
 use crate::fields::{Along, lumen};
 use crate::render::camera::Perspective;
@@ -19,8 +18,6 @@ use crate::render::camera::Perspective;
 const BACK_GAINS: f64 = 0.005;
 /// The end of the way is somewhere else if it is farther from the camera than this, mm.
 const END_MM: f64 = 20.0;
-/// A patch needs no stop of its own if others show this share of it.
-const SHOWN: f64 = 0.7;
 
 /// What a flight has covered until now, from [`FlightApp::survey`].
 #[derive(Clone, Copy)]
@@ -112,21 +109,10 @@ impl<'a> Survey<'a> {
             stops.extend(ends.filter(|end| end.distance(here) > END_MM).map(|end| ReviewStop::new(end, None)));
         }
         let (unseen, numbers) = covered.wall.part(|n| !is_seen(n));
-        let mut is_shown = vec![false; unseen.len()];
-        for patch in self.missed_by(covered, is_seen, least_mm2) {
-            let Some(from) = patch.look_from else { continue };
-            let mm2 = |is_counted: &dyn Fn(usize) -> bool| -> f64 {
-                let own = patch.triangles.iter().filter_map(|t| numbers.binary_search(t).ok());
-                own.filter(|&n| is_counted(n)).map(|n| unseen.mm2_at(n)).sum()
-            };
-            if mm2(&|n| is_shown[n]) > SHOWN * patch.area_mm2 {
-                continue;
-            }
-            let view = (from.position, Attitude::new(from.forward, from.up));
-            let sights = unseen.seen(&self.flight.setup.volume, &[view], &camera, false);
-            sights.iter().zip(&mut is_shown).for_each(|(s, shown)| *shown |= s.ahead > 0);
-            stops.push(ReviewStop::new(from.position, Some(patch.position)));
-        }
+        let patches = self.missed_by(covered, is_seen, least_mm2);
+        let visited = missed::to_visit(&patches, &unseen, &numbers, &self.flight.setup.volume, &camera);
+        let stop = |n: usize| Some(ReviewStop::new(patches[n].look_from?.position, Some(patches[n].position)));
+        stops.extend(visited.into_iter().filter_map(stop));
         Ok(stops)
     }
 
@@ -173,11 +159,10 @@ impl<'a> Survey<'a> {
     /// Returns status 4 if interrupted.
     pub fn missed(self, covered: &Covered) -> Result<Vec<Missed>> {
         let along = self.along()?;
-        let place = |p: DVec3| along.of(p).map(|a| a.mm);
         let setup = &self.flight.setup;
         let is_seen = |n: usize| covered.sights[n].ahead > 0;
         let radius_mm = setup.scene.body.radius_mm;
-        Ok(missed::missed(&covered.wall, is_seen, missed::LEAST_MM2, place, &setup.volume, radius_mm))
+        Ok(missed::missed(&covered.wall, is_seen, missed::LEAST_MM2, |p| along.of(p), &setup.volume, radius_mm))
     }
 
     /// Returns the measure along the colon that is flown, which the first call computes.

@@ -24,7 +24,7 @@ enum Stage {
     /// The wall is extracted, and the views until then are looked at.
     Beginning(Job<(LiveCoverage, CoveragePaint)>),
     /// The missed patches are listed.
-    Listing(Job<Vec<Missed>>),
+    Listing(Job<Vec<Patch>>),
     /// The distances to the wall are computed, by which ways are planned.
     Preparing(Job<(Arc<Lumen>, Arc<WallDistance>)>),
     /// It failed, and why.
@@ -37,6 +37,8 @@ pub(crate) struct Seen {
     stage: Stage,
     /// The missed patches, as they were when somebody asked, in the order of the flight.
     list: Option<Vec<Missed>>,
+    /// Which of them a review visits: the others are shown by its other stops, or cannot be looked at.
+    is_visited: Vec<bool>,
     current: Option<usize>,
     /// The patch (world, mm) that the camera was sent to.
     pub(crate) goes_to: Option<DVec3>,
@@ -47,6 +49,9 @@ pub(crate) struct Seen {
     /// When the progress was looked at.
     looked: Instant,
 }
+
+/// A missed patch, and whether a review visits it.
+type Patch = (Missed, bool);
 
 /// What has come out of the background.
 pub(crate) enum News {
@@ -74,6 +79,7 @@ impl Seen {
             is_painted: false,
             stage: Stage::Idle,
             list: None,
+            is_visited: Vec::new(),
             current: None,
             goes_to: None,
             paint: None,
@@ -152,7 +158,8 @@ impl Seen {
                     None => return Ok(None),
                     Some(Ok(list)) => {
                         self.stage = Stage::Idle;
-                        (self.list, self.current) = (Some(list), None);
+                        let (list, is_visited) = list.into_iter().unzip();
+                        (self.list, self.is_visited, self.current) = (Some(list), is_visited, None);
                         return Ok(Some(News::Listed(self.then)));
                     }
                     Some(Err(e)) => e,
@@ -233,10 +240,20 @@ impl Seen {
         false
     }
 
-    /// Returns the stops of a review: the places to look at each patch from that was not seen since it was listed.
-    pub(crate) fn stops(&self, coverage: &LiveCoverage) -> Vec<ReviewStop> {
-        let list = self.list.iter().flatten().filter(|m| coverage.share_of(&m.triangles) < 0.5);
-        list.filter_map(|m| Some(ReviewStop::new(m.look_from?.position, Some(m.position)))).collect()
+    /// Returns the stops of a review in the gas that is flown, and how many are left elsewhere: the places to look from at what was
+    /// not seen since it was listed. As in a review without a window, no patch has one that the other stops show.
+    pub(crate) fn stops(&self, flight: &FlightApp) -> (Vec<ReviewStop>, usize) {
+        let Some(coverage) = flight.camera::<LiveCoverage>() else { return (Vec::new(), 0) };
+        let visited = self.list.iter().flatten().zip(&self.is_visited).filter(|(_, is_visited)| **is_visited);
+        let left = visited.map(|v| v.0).filter(|m| coverage.share_of(&m.triangles) < 0.5);
+        let (here, elsewhere): (Vec<&Missed>, Vec<&Missed>) = left.partition(|m| is_here(m, flight));
+        let stop = |m: &Missed| Some(ReviewStop::new(m.look_from?.position, Some(m.position)));
+        (here.into_iter().filter_map(stop).collect(), elsewhere.len())
+    }
+
+    /// Returns how many of the listed patches lie in the gas that is flown.
+    pub(crate) fn count_here(&self, flight: &FlightApp) -> usize {
+        self.list.iter().flatten().filter(|m| is_here(m, flight)).count()
     }
 
     /// Marks for slices: another number once they have to be drawn anew. `None` while nothing is painted.
@@ -245,6 +262,14 @@ impl Seen {
         // Not for each patch that comes into sight.
         Some((coverage.share() * 1000.0) as u64)
     }
+}
+
+/// True if a patch lies in the segment that is flown, or in the one body of gas that is.
+fn is_here(patch: &Missed, flight: &FlightApp) -> bool {
+    let Setup { lumen, plan, .. } = flight.setup();
+    let looked_from = patch.look_from.and_then(|from| lumen.segment_at(from.position));
+    let segment = looked_from.or(patch.along.map(|a| a.segment));
+    plan.segment.is_none_or(|flown| segment == Some(flown))
 }
 
 /// Extracts the wall and looks at the views until now, in the background.
@@ -276,17 +301,23 @@ fn prepare(flight: &FlightApp, wake: &WakeUp) -> Result<Job<(Arc<Lumen>, Arc<Wal
 }
 
 /// Lists the missed patches in the background.
-fn list(coverage: &LiveCoverage, flight: &FlightApp, wake: &WakeUp) -> Result<Job<Vec<Missed>>> {
+fn list(coverage: &LiveCoverage, flight: &FlightApp, wake: &WakeUp) -> Result<Job<Vec<Patch>>> {
     let (coverage, setup) = (coverage.clone(), flight.setup());
     let (radius, volume) = (setup.scene.body.radius_mm, setup.volume.clone());
     let gas = Arc::clone(setup.plan.gas.as_ref().unwrap_or(&setup.lumen));
     let work = move |progress: &Arc<Progress>| {
         let along = gas.along(volume.voxels(), progress)?;
-        let place = |p: DVec3| along.of(p).map(|a| a.mm);
         let is_missed = coverage.missed();
-        let mut found = missed::missed(coverage.wall(), |n| !is_missed[n], missed::LEAST_MM2, place, &volume, radius);
+        let (wall, place) = (coverage.wall(), |p: DVec3| along.of(p));
+        let found = missed::missed(wall, |n| !is_missed[n], missed::LEAST_MM2, place, &volume, radius);
+        let (unseen, numbers) = wall.part(|n| is_missed[n]);
+        let mut is_visited = vec![false; found.len()];
+        for n in missed::to_visit(&found, &unseen, &numbers, &volume, coverage.camera()) {
+            is_visited[n] = true;
+        }
+        let mut found: Vec<Patch> = found.into_iter().zip(is_visited).collect();
         // What has no place along the colon comes last.
-        let mm = |m: &Missed| m.along_mm.unwrap_or(f64::INFINITY);
+        let mm = |p: &Patch| p.0.along.map_or(f64::INFINITY, |a| a.mm);
         found.sort_by(|a, b| mm(a).total_cmp(&mm(b)));
         Ok(found)
     };

@@ -153,12 +153,27 @@ impl FlightController {
         }
     }
 
-    /// Returns the stops of a review: the patches of the list, and the candidates that the reader is unsure of in the segment that is
-    /// flown.
+    /// Returns the stops of a review: the patches of the list, and the candidates that the reader is unsure of, both in the segment
+    /// that is flown.
     fn review_stops(&self) -> Vec<ReviewStop> {
-        let mut stops = self.flight.camera::<LiveCoverage>().map_or_else(Vec::new, |c| self.seen.stops(c));
+        let mut stops = self.seen.stops(&self.flight).0;
         stops.extend(self.unsure_stops());
         stops
+    }
+
+    /// Returns what is told if nothing can be reviewed in the segment that is flown.
+    fn nothing_to_review(&self) -> String {
+        match self.seen.stops(&self.flight).1 {
+            0 if self.seen.list().is_none_or(<[_]>::is_empty) => "nothing larger than 3 cm² was missed".to_owned(),
+            0 => "nothing of what was missed can be looked at".to_owned(),
+            left => format!("nothing to review in this segment; {}", self.left_elsewhere(left)),
+        }
+    }
+
+    /// Returns how many places to review are left in other segments, in words.
+    fn left_elsewhere(&self, left: usize) -> String {
+        let (places, lie) = if left == 1 { ("place", "is") } else { ("places", "are") };
+        format!("{left} {places} {lie} in other segments{}", self.actions.hint("next", "flies to the next"))
     }
 
     /// Sets out on a tour past the patches of the list and the candidates that the reader is unsure of.
@@ -168,9 +183,10 @@ impl FlightController {
         }
         let stops = self.review_stops();
         if stops.is_empty() {
-            return self.say("nothing of what was missed can be looked at", now);
+            return self.say(self.nothing_to_review(), now);
         }
-        let unsure = self.unsure_stops().len();
+        // On the tour, all gas is one.
+        let (unsure, elsewhere) = (self.unsure_stops().len(), self.seen.stops(&self.flight).1);
         if self.act(FlightCommand::Review(stops), now) {
             self.seen.goes_to = None;
             self.set_off(now);
@@ -181,7 +197,11 @@ impl FlightController {
             let of_them = if unsure > 0 { format!(" ({unsure} unsure candidates)") } else { String::new() };
             let key = self.actions.key("review");
             let end = if key.is_empty() { key } else { format!("; {key} ends it") };
-            self.say(format!("review: {count} places{of_them} in {mm:.0} mm, about {minutes:.0} min{end}"), now);
+            let more = match elsewhere {
+                0 => String::new(),
+                left => format!("; {}", self.left_elsewhere(left)),
+            };
+            self.say(format!("review: {count} places{of_them} in {mm:.0} mm, about {minutes:.0} min{end}{more}"), now);
         }
     }
 
@@ -204,7 +224,8 @@ impl FlightController {
                     (Then::Nothing, _) => {}
                     (Then::Next, Some(n)) => self.fly_to_missed(n, now),
                     (Then::Review, _) if !self.review_stops().is_empty() => self.begin_review(now),
-                    (Then::Next | Then::Review, _) => self.say("nothing larger than 3 cm² was missed", now),
+                    (Then::Next, _) => self.say("nothing larger than 3 cm² was missed", now),
+                    (Then::Review, _) => self.say(self.nothing_to_review(), now),
                 }
             }
             Ok(Some(News::Prepared(Then::Review))) => self.begin_review(now),
@@ -216,6 +237,7 @@ impl FlightController {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
     use std::time::{Duration, Instant};
 
     use super::*;
@@ -230,7 +252,11 @@ mod tests {
 
     /// A flight in a window that has flown half of its way, and is watched.
     fn watched() -> (FlightController, Instant) {
-        let phantom = Phantom::new(&PhantomSettings::embedded(1));
+        watched_in(PhantomSettings::embedded(1))
+    }
+
+    fn watched_in(phantom: PhantomSettings) -> (FlightController, Instant) {
+        let phantom = Phantom::new(&phantom);
         let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
         let mut scan = Scan::of(volume, &OpenOptions::default()).unwrap();
         let settings = Settings { adaptive: false, ..Settings::default() };
@@ -290,6 +316,49 @@ mod tests {
     }
 
     #[test]
+    fn a_patch_is_told_where_its_file_and_the_bar_have_it() {
+        let (mut c, mut now) = watched();
+        let list = c.seen().list().unwrap().to_vec();
+        let lumen = Arc::clone(&c.flight().setup().lumen);
+        let along = lumen.along(c.flight().setup().volume.voxels(), &Progress::new()).unwrap();
+        let round = |mm: f64| (mm / 10.0).round() * 10.0;
+        assert!(list.iter().any(|m| m.look_from.is_some()));
+        for (n, patch) in list.iter().enumerate().filter(|(_, m)| m.look_from.is_some()) {
+            let told = patch.along.unwrap().text();
+            let in_file = serde_json::to_value(patch).unwrap()["along_mm"].as_f64().unwrap();
+            assert!(told.ends_with(&format!(", {} mm", round(in_file))) && !told.contains("segment"), "{told}");
+            // From where the patch is seen, the bar counts in the same way.
+            c.visit_missed(n, now);
+            now += Duration::from_secs(1);
+            c.advance(now).unwrap();
+            // Until the measure is known, the distance flown is told.
+            while c.hud(now).place.contains(" of about ") {
+                now += Duration::from_secs(1);
+                std::thread::sleep(Duration::from_millis(2));
+            }
+            let camera = along.of(c.flight().pose().position).unwrap();
+            let of = format!(" of {} mm", round(along.length_mm()));
+            assert_eq!(c.hud(now).place, camera.text().replace(" mm", &of));
+        }
+    }
+
+    #[test]
+    fn what_is_left_in_other_segments_is_told() {
+        let (mut c, mut now) = watched_in(PhantomSettings { collapsed: true, ..PhantomSettings::embedded(1) });
+        assert!(c.flight().setup().lumen.segments.len() > 1);
+        let (here, elsewhere) = c.seen().stops(c.flight());
+        assert!(!here.is_empty() && elsewhere == 0, "what was not visited is not missed");
+        let listed = c.seen().list().unwrap().len();
+        assert!(here.len() <= listed && c.seen().count_here(c.flight()) == listed);
+        perform(&mut c, "next", now);
+        assert_eq!((c.seen().stops(c.flight()), c.seen().count_here(c.flight())), ((Vec::new(), here.len()), 0));
+        perform(&mut c, "review", now);
+        go_on(&mut c, &mut now, |c| c.seen().next().is_none());
+        let told = c.hud(now).message.unwrap();
+        assert!(told.starts_with("nothing to review in this segment; ") && told.contains("(J flies"), "{told}");
+    }
+
+    #[test]
     fn a_review_looks_at_unsure_candidates_too() {
         let (mut c, mut now) = watched();
         c.stop(now);
@@ -301,6 +370,7 @@ mod tests {
         });
         perform(&mut c, "candidate-next", now);
         let place = c.slices().cursor().unwrap();
+        let first = c.assistant().unwrap().reading().current().unwrap();
         let looks_there = |c: &FlightController| {
             let stops = c.review_stops();
             stops.iter().any(|s| s.look_at.is_some_and(|at| place.distance(at.into()) < 0.01))
@@ -312,6 +382,7 @@ mod tests {
         go_on(&mut c, &mut now, |c| c.flight().tour().is_some());
         let tour = c.flight().tour().unwrap();
         assert!(tour.stops.iter().any(|s| s.look_at.is_some_and(|at| place.distance(at) < 0.01)));
+        c.assist(AssistInput::Select(first), now);
         c.assist(AssistInput::Answer(Answer::No), now);
         assert!(!looks_there(&c));
     }

@@ -1,8 +1,8 @@
 //! The panel of what was not seen: the share of the wall, and the patches that were missed.
 
-use egui::{Align2, Color32, RichText, ScrollArea, Sense, Ui, vec2};
+use egui::{Align2, Color32, RichText, ScrollArea, Ui, vec2};
 
-use super::{Context, Panel, PanelEntry, Request, Requests, SeenInput};
+use super::{Context, Panel, PanelEntry, Request, Requests, SeenInput, rows};
 use crate::coverage::{LiveCoverage, Missed};
 use crate::host::window::overlay::{INK, SOFT, Severity, TEXT, text};
 
@@ -12,9 +12,6 @@ pub const PANEL: PanelEntry =
 
 /// Height of a row, points.
 const ROW: f32 = 40.0;
-/// Background of the row that is shown, and of the one under the pointer.
-const CHOSEN: Color32 = Color32::from_rgb(38, 62, 84);
-const HOVERED: Color32 = Color32::from_gray(45);
 /// Colour of a patch that was seen since it was listed.
 const DONE: Color32 = Color32::from_rgb(130, 235, 140);
 
@@ -57,6 +54,12 @@ impl Panel for MissedPanel {
         let Some(list) = seen.list() else { return };
         let cm2: f64 = list.iter().map(|m| m.area_mm2 / 100.0).sum();
         ui.label(RichText::new(format!("{} patches from 3 cm² upwards, {cm2:.0} cm²", list.len())).color(SOFT));
+        let here = seen.count_here(context.flight);
+        if here < list.len() {
+            let next = context.actions.hint("next", "flies to the next");
+            let told = format!("{here} of {} in this segment, where the review flies{next}", list.len());
+            ui.label(RichText::new(told).color(SOFT));
+        }
         ui.separator();
         self.list(list, coverage, seen.current(), ui, requests);
     }
@@ -80,13 +83,9 @@ impl MissedPanel {
         area.show_rows(ui, ROW, list.len(), |ui, rows| {
             for n in rows {
                 let Some(patch) = list.get(n) else { continue };
-                let (rect, row) = ui.allocate_exact_size(vec2(ui.available_width(), ROW), Sense::CLICK);
+                let name = format!("missed patch {}", n + 1);
+                let (rect, row) = rows::row(ui, ROW, n, &name, current == Some(n));
                 let p = ui.painter_at(rect);
-                if current == Some(n) {
-                    p.rect_filled(rect, 4.0, CHOSEN);
-                } else if row.hovered() {
-                    p.rect_filled(rect, 4.0, HOVERED);
-                }
                 let at = rect.left_top() + vec2(6.0, 2.0);
                 let head = format!("{}   {:.1} cm²", n + 1, patch.area_mm2 / 100.0);
                 let head = text(&p, at, Align2::LEFT_TOP, &head, TEXT, INK);
@@ -96,7 +95,7 @@ impl MissedPanel {
                     let colour = if share > 0.5 { DONE } else { SOFT };
                     text(&p, at, Align2::LEFT_TOP, &format!("{:.0} % seen", 100.0 * share), TEXT, colour);
                 }
-                let place = patch.along_mm.map_or_else(String::new, |mm| format!("at {mm:.0} mm"));
+                let place = patch.along.map_or_else(String::new, |along| along.text());
                 let place = match (patch.look_from, place.is_empty()) {
                     (Some(_), _) => place,
                     (None, true) => "too narrow to look at".to_owned(),

@@ -10,6 +10,7 @@ pub mod missed;
 pub mod open;
 #[cfg(test)]
 mod pictures;
+mod rows;
 mod series;
 pub mod slices;
 
