@@ -4,6 +4,7 @@
 
 mod reading;
 mod search;
+mod showing;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -22,8 +23,11 @@ use crate::polyps::answers::{Answer, Answers};
 use crate::polyps::{Detector, Measurement};
 use crate::progress::Progress;
 
+use showing::Facts;
+
 pub(crate) use reading::{Reading, Said};
 pub(crate) use search::{Entry, Found, SIDE, Tag};
+pub use showing::{Order, Showing};
 
 /// Time between two looks at the progress of a search.
 const LOOKS: Duration = Duration::from_millis(200);
@@ -135,7 +139,10 @@ impl Assistant {
         self.took = Some(Took { candidates: found.list.len(), seconds, bytes: found.bytes });
         let places = found.list.iter().map(|e| e.candidate.position).collect();
         let (reading, unread) = Reading::open(places, self.file.clone());
+        let showing = self.reading.showing();
         self.reading = reading;
+        self.reading.know(found.list.iter().map(Facts::of).collect());
+        self.reading.show(showing);
         self.told = unread.map_or_else(String::new, |e| format!("answers are not kept: {}: {}", e.what, e.why));
         self.stage = Stage::Ready(Arc::new(found));
         if let Some(path) = self.wanted.take() {

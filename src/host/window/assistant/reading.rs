@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use glam::DVec3;
 
+use super::showing::{Facts, Showing};
 use crate::error::{Error, Result};
 use crate::output;
 use crate::polyps::answers::{Answer, Answered, Answers};
@@ -44,6 +45,9 @@ pub(crate) struct Reading {
     /// Answers to places that are not in the list. They are stored with the others.
     others: Vec<Answered>,
     current: Option<usize>,
+    /// What is known of the candidates, and which of them the list shows.
+    facts: Vec<Facts>,
+    showing: Showing,
     changes: Vec<Change>,
     /// Number of changes ever made.
     made: u64,
@@ -70,6 +74,32 @@ impl Reading {
                 (made, Some(e))
             }
         }
+    }
+
+    /// Takes what is known of the candidates, in their order.
+    pub(super) fn know(&mut self, facts: Vec<Facts>) {
+        self.facts = facts;
+    }
+
+    /// Returns what the list shows.
+    pub(crate) fn showing(&self) -> Showing {
+        self.showing
+    }
+
+    /// Sets what the list shows.
+    pub(crate) fn show(&mut self, showing: Showing) {
+        self.showing = showing;
+    }
+
+    /// Returns the numbers of the candidates, as the list shows them. The one that is looked at is always among them.
+    pub(crate) fn shown(&self) -> Vec<usize> {
+        let facts = |n: usize| self.facts.get(n).copied().unwrap_or_default();
+        self.showing.list(self.places.len(), facts, |n| self.said[n].answer.is_some(), self.current)
+    }
+
+    /// Returns the number of candidates.
+    pub(crate) fn count(&self) -> usize {
+        self.places.len()
     }
 
     /// Returns what is said of a candidate, by its number from 0.
@@ -109,16 +139,33 @@ impl Reading {
         Some(n)
     }
 
-    /// Goes to the next candidate, or the first after the last, or backwards. Returns it; `None` if the list is empty.
+    /// Goes to the next candidate of the list as it is shown, or the first after the last, or backwards. Returns it; `None` if the list
+    /// is empty.
     pub(crate) fn step(&mut self, forward: bool) -> Option<usize> {
-        let last = self.places.len().checked_sub(1)?;
-        let next = match (self.current, forward) {
+        let list = self.shown();
+        let last = list.len().checked_sub(1)?;
+        let next = match (self.row(&list), forward) {
             (None, true) => 0,
             (None, false) => last,
-            (Some(n), true) => (n + 1) % (last + 1),
-            (Some(n), false) => n.checked_sub(1).unwrap_or(last),
+            (Some(row), true) => (row + 1) % (last + 1),
+            (Some(row), false) => row.checked_sub(1).unwrap_or(last),
         };
-        self.select(next)
+        self.select(list[next])
+    }
+
+    /// Goes to the next candidate without an answer of the list as it is shown, from the first again after the last. Returns it; `None`
+    /// if all in it are answered.
+    pub(crate) fn step_to_open(&mut self) -> Option<usize> {
+        let list = self.shown();
+        let next = self.row(&list).map_or(0, |row| row + 1);
+        let is_open = |n: &&usize| self.said[**n].answer.is_none();
+        let open = list[next..].iter().chain(&list[..next]).find(is_open).copied()?;
+        self.select(open)
+    }
+
+    /// Returns the row of the candidate that is looked at.
+    fn row(&self, list: &[usize]) -> Option<usize> {
+        list.iter().position(|n| self.current == Some(*n))
     }
 
     /// Answers for the candidate that is looked at.
@@ -140,7 +187,7 @@ impl Reading {
         self.change(vec![(n, Said { note, ..said.clone() })], true)
     }
 
-    /// Undoes the last change. Returns the candidate that it was about, the first if there were several.
+    /// Undoes the last change, and goes back to the candidate that it was about, unless there were several. Returns it, or the first.
     ///
     /// # Errors
     /// As [`Reading::answer`].
@@ -148,6 +195,9 @@ impl Reading {
         self.is_writing = false;
         let Some(change) = self.changes.pop() else { return Ok(None) };
         let first = change.before.first().map(|b| b.0);
+        if let [(only, _)] = change.before[..] {
+            self.current = Some(only);
+        }
         for (n, said) in change.before {
             self.said[n] = said;
         }
@@ -257,6 +307,26 @@ mod tests {
         assert_eq!((none.step(true), none.step(false)), (None, None));
         none.answer(Answer::Yes).unwrap();
         assert!(!none.may_undo());
+    }
+
+    #[test]
+    fn a_reading_follows_the_list_as_it_is_shown() {
+        let mut r = Reading::open(places(), None).0;
+        let sizes = [4.0, 12.0, 7.0];
+        r.know(sizes.map(|mm| Facts { along: None, diameter_mm: Some(mm) }).to_vec());
+        r.show(Showing { least_mm: 6, ..Showing::default() });
+        assert_eq!([r.step(true), r.step(true), r.step(true), r.step(false)], [Some(1), Some(2), Some(1), Some(2)]);
+        r.show(Showing { hides_answered: true, ..r.showing() });
+        r.answer(Answer::No).unwrap();
+        assert_eq!(r.shown(), [1, 2], "the one that is looked at stays");
+        assert_eq!((r.step_to_open(), r.shown()), (Some(1), vec![1]));
+        r.answer(Answer::Yes).unwrap();
+        assert_eq!((r.step_to_open(), r.answered(), r.count()), (None, 2, 3));
+        // What is undone is gone back to.
+        r.select(0);
+        assert_eq!((r.undo().unwrap(), r.current()), (Some(1), Some(1)));
+        assert_eq!((r.undo().unwrap(), r.current()), (Some(2), Some(2)));
+        assert_eq!(r.step_to_open(), Some(1));
     }
 
     #[test]

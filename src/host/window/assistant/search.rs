@@ -79,8 +79,6 @@ pub(crate) struct Entry {
 pub(crate) struct Found {
     /// The candidates, the best first.
     pub(crate) list: Vec<Entry>,
-    /// True if places are measured from the rectum; otherwise each segment is measured from its own end.
-    pub(crate) is_ordered: bool,
     wall: Wall,
     /// The scan without tag, or the part of it around the colon.
     volume: Arc<Volume>,
@@ -133,8 +131,7 @@ pub(crate) fn search(input: Input, progress: &Progress) -> Result<Found> {
         progress.advance(1)?;
     }
     let bytes = bytes + wall.bytes() + list.len() * (SIDE * SIDE * 3 + size_of::<Entry>());
-    let is_ordered = lumen.ordered;
-    Ok(Found { list, is_ordered, wall, volume: around.shared_voxels(), before, bytes })
+    Ok(Found { list, wall, volume: around.shared_voxels(), before, bytes })
 }
 
 /// Returns the scan without tag, and the lumen in it.

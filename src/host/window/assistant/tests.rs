@@ -62,23 +62,76 @@ fn candidates_are_found_visited_and_answered_and_answers_survive() {
     }
     c.advance(Instant::now() + Duration::from_millis(50)).unwrap();
     assert_eq!(c.hud(now).state, "paused");
+    // An answer goes on to the next candidate without one.
+    let current = |c: &FlightController| c.assistant().unwrap().reading().current();
     perform(&mut c, "candidate-unsure", now);
-    perform(&mut c, "candidate-previous", now);
+    let told = c.hud(now).message.unwrap();
+    assert!(told.starts_with("candidate 2: unsure (") && told.contains("; now candidate "), "{told}");
+    assert_ne!(current(&c), Some(1));
+    c.assist(AssistInput::Select(0), now);
     perform(&mut c, "candidate-yes", now);
+    assert!(found.list.len() > 2 && current(&c) == Some(2));
+    c.assist(AssistInput::Select(0), now);
     perform(&mut c, "candidate-no", now);
     c.assist(AssistInput::Note(0, "a fold".to_owned()), now);
-    // Distances and answers are undone by one key, the last change first.
+    // Distances and answers are undone by one key, the last change first, and what was undone is shown.
     perform(&mut c, "undo", now);
     perform(&mut c, "undo", now);
+    let told = c.hud(now).message.unwrap();
+    assert!(told.starts_with("candidate 1 of ") && told.contains(": undone; yes"), "{told}");
+    assert_eq!((current(&c), c.slices().cursor()), (Some(0), Some(found.list[0].candidate.position)));
     let kept = Answers::read(&file).unwrap();
     let said: Vec<_> = kept.answers.iter().map(|a| (a.rank, a.answer, a.note.as_str())).collect();
     assert_eq!(said, [(1, Some(Answer::Yes), ""), (2, Some(Answer::Unsure), "")]);
+    // The last answer of all ends it.
+    for _ in 2..found.list.len() {
+        c.assist(AssistInput::Step(true), now);
+        while c.assistant().unwrap().reading().said(current(&c).unwrap()).unwrap().answer.is_some() {
+            c.assist(AssistInput::Step(true), now);
+        }
+        perform(&mut c, "candidate-no", now);
+    }
+    let (told, all) = (c.hud(now).message.unwrap(), found.list.len());
+    assert!(told.ends_with(&format!("all {all} candidates are answered")), "{told}");
+    for _ in 2..all {
+        perform(&mut c, "undo", now);
+    }
+    assert_eq!(c.assistant().unwrap().reading().answered(), 2);
     // Another window of the same scan has them.
     let mut c = flown(true);
     c.set_answers_file(Some(file));
     c.assist(AssistInput::Begin, now);
     until(&mut c, |a| a.found().is_some());
     assert_eq!(c.assistant().unwrap().reading().answered(), 2);
+}
+
+#[test]
+fn a_candidate_is_told_where_the_file_has_it_and_the_list_may_follow_the_colon() {
+    let now = Instant::now();
+    let mut c = flown(true);
+    let progress = Progress::new();
+    let lumen = Arc::clone(&c.flight().setup().lumen);
+    let along = lumen.along(c.flight().setup().volume.voxels(), &progress).unwrap();
+    c.assist(AssistInput::Begin, now);
+    until(&mut c, |a| a.found().is_some());
+    let found = Arc::clone(c.assistant().unwrap().found().unwrap());
+    for entry in &found.list {
+        // The file has the measure along the scan as it was opened.
+        let (told, in_file) = (entry.along.unwrap(), along.of(entry.candidate.position).unwrap());
+        assert_eq!((told.mm, told.text()), (in_file.mm, in_file.text()));
+    }
+    c.assist(AssistInput::Show(Showing { order: Order::Along, least_mm: 5, hides_answered: false }), now);
+    let mut way = Vec::new();
+    for _ in 0..c.assistant().unwrap().reading().shown().len() {
+        perform(&mut c, "candidate-next", now);
+        way.push(c.assistant().unwrap().reading().current().unwrap());
+    }
+    assert_eq!(way, c.assistant().unwrap().reading().shown());
+    let mm = |n: &usize| found.list[*n].along.unwrap().mm;
+    assert!(
+        way.is_sorted_by_key(mm)
+            && way.iter().all(|&n| found.list[n].candidate.lesion.as_ref().unwrap().diameter_mm > 4.9)
+    );
 }
 
 #[test]

@@ -78,29 +78,35 @@ impl FlightController {
             AssistInput::Cancel => assistant.cancel(),
             AssistInput::Select(n) => {
                 if assistant.reading_mut().select(n).is_some() {
-                    self.visit(n, now);
+                    self.visit(n, self.number_text(n), now);
                 }
             }
-            AssistInput::Step(forward) => {
-                if let Some(n) = assistant.reading_mut().step(forward) {
-                    self.visit(n, now);
+            AssistInput::Step(forward) => match assistant.reading_mut().step(forward) {
+                Some(n) => self.visit(n, self.number_text(n), now),
+                None => {
+                    let count = assistant.reading().count();
+                    let hidden = format!("the list shows none of the {count} candidates");
+                    let why = if count == 0 { "there is no candidate".to_owned() } else { hidden };
+                    self.say(why, now);
                 }
-            }
+            },
+            AssistInput::Show(showing) => assistant.reading_mut().show(showing),
             AssistInput::Answer(answer) => {
-                if assistant.reading().current().is_none() {
+                let Some(n) = assistant.reading().current() else {
                     self.say("no candidate is chosen", now);
                     return;
-                }
+                };
                 let kept = assistant.reading_mut().answer(answer);
                 assistant.report(kept);
-                let told = format!("this candidate: {}", answer_text(answer));
-                self.say(told, now);
+                let undo = self.actions.hint("undo", "undoes it");
+                let told = format!("candidate {}: {}{undo}", n + 1, answer_text(answer));
+                self.move_on(told, now);
             }
             AssistInput::Note(n, note) => {
                 let kept = assistant.reading_mut().note(n, note);
                 assistant.report(kept);
             }
-            AssistInput::Undo => self.undo_answer(),
+            AssistInput::Undo => self.undo_answer(now),
             AssistInput::Mark => assistant.is_marking = !assistant.is_marking,
             AssistInput::Measure => {
                 assistant.is_measuring = !assistant.is_measuring;
@@ -153,13 +159,46 @@ impl FlightController {
         self.quiet = 0;
     }
 
-    /// Shows a candidate in all views: the camera goes to where it is seen well, or else to where it is seen at all.
-    fn visit(&mut self, n: usize, now: Instant) {
+    /// Returns the number of a candidate in words.
+    fn number_text(&self, n: usize) -> String {
+        let all = self.assistant().map_or(0, |a| a.reading().count());
+        format!("candidate {} of {all}", n + 1)
+    }
+
+    /// Goes on to the next candidate without an answer once one was answered, which `told` tells.
+    fn move_on(&mut self, told: String, now: Instant) {
+        // A review flies on.
+        let is_touring = self.flight.tour().is_some();
+        let Some(assistant) = self.assistant.as_mut().filter(|_| !is_touring) else { return self.say(told, now) };
+        if let Some(next) = assistant.reading_mut().step_to_open() {
+            return self.visit(next, format!("{told}; now {}", self.number_text(next)), now);
+        }
+        let reading = assistant.reading();
+        let (all, answered) = (reading.count(), reading.answered());
+        let end = if answered == all {
+            format!("all {all} candidates are answered")
+        } else {
+            format!("all that are shown are answered, {} of all {all} are not", all - answered)
+        };
+        self.say(format!("{told}; {end}"), now);
+    }
+
+    /// Tells what was undone of a candidate, and shows it if another one was looked at `before`.
+    pub(super) fn return_to(&mut self, n: usize, before: Option<usize>, now: Instant) {
+        let said = self.assistant().and_then(|a| a.reading().said(n)?.answer);
+        let told = format!("{}: undone; {}", self.number_text(n), said.map_or("no answer", answer_text));
+        if before == Some(n) || self.flight.tour().is_some() {
+            return self.say(told, now);
+        }
+        self.visit(n, told, now);
+    }
+
+    /// Shows a candidate in all views, and tells so: the camera goes to where it is seen well, or else to where it is seen at all.
+    fn visit(&mut self, n: usize, mut told: String, now: Instant) {
         let Some(found) = self.assistant().and_then(|a| a.found()).map(Arc::clone) else { return };
         let Some(entry) = found.list.get(n) else { return };
         self.stop(now);
         self.travel = None;
-        let mut told = format!("candidate {} of {}", n + 1, found.list.len());
         if self.flight.setup().scene.play().is_none() && !self.go_to_see(entry, now) {
             told.push_str(": the flight cannot go to where it is seen");
         }

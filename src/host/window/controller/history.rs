@@ -1,5 +1,7 @@
 //! The order of changes to distances, answers and kinds, each of which keeps its own: so the last change of all is undone first.
 
+use std::time::Instant;
+
 use super::FlightController;
 use crate::host::window::actions::ActionContext;
 use crate::host::window::assistant::Assistant;
@@ -73,14 +75,20 @@ impl FlightController {
         }
     }
 
-    /// Undoes the last change to answers.
-    pub(super) fn undo_answer(&mut self) {
+    /// Undoes the last change to answers, and goes back to the candidate that it was about.
+    pub(super) fn undo_answer(&mut self, now: Instant) {
         self.note_changes();
         self.history.forget_last(Store::Answers);
         self.end_note();
         if let Some(assistant) = &mut self.assistant {
+            let before = assistant.reading().current();
             let kept = assistant.reading_mut().undo();
+            let undone = kept.as_ref().ok().copied().flatten();
             assistant.report(kept.map(drop));
+            // Not to the first of many.
+            if let Some(n) = undone.filter(|_| assistant.reading().current() == undone) {
+                self.return_to(n, before, now);
+            }
         }
     }
 
@@ -103,7 +111,7 @@ impl FlightController {
                         let kept = self.measures.undo();
                         self.report_kept(kept, at.now);
                     }
-                    Store::Answers => return self.undo_answer(),
+                    Store::Answers => return self.undo_answer(at.now),
                     Store::Kinds => self.undo_kind(at.now),
                 }
                 self.end_note();

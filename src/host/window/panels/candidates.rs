@@ -3,12 +3,14 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Weak};
 
-use egui::{Align2, Color32, ColorImage, FontId, Painter, Pos2, Rect, RichText, ScrollArea, Sense, Stroke, TextEdit};
+use egui::{Align2, Color32, ColorImage, FontId, Painter, Pos2, Rect, RichText, ScrollArea, Stroke, TextEdit};
 use egui::{TextureHandle, TextureOptions, Ui, pos2, vec2};
 use glam::DVec3;
 
-use super::{AssistInput, Context, Panel, PanelEntry, Requests};
-use crate::host::window::assistant::{Assistant, Entry, Found, Measured, SIDE, Said, State, answer_text};
+use super::{AssistInput, Context, Panel, PanelEntry, Requests, rows};
+use crate::host::window::assistant::{
+    Assistant, Entry, Found, Measured, Order, Reading, SIDE, Said, Showing, State, answer_text,
+};
 use crate::host::window::overlay::{ACCENT, INK, SOFT, Severity, TEXT, text};
 use crate::polyps::Form;
 use crate::polyps::answers::Answer;
@@ -32,16 +34,16 @@ const NARROW: f32 = 270.0;
 const MARK: f32 = 9.0;
 /// Colour of a measured lesion's diameter. It differs from that of distances, of the crosshair and of the camera.
 const DIAMETER: Color32 = Color32::from_rgb(255, 160, 70);
-/// Background of the row of the candidate that is shown.
-const CHOSEN: Color32 = Color32::from_rgb(38, 62, 84);
 
 #[derive(Default)]
 struct CandidatesPanel {
     /// The list that the pictures belong to, and those that were shown.
     list: Weak<Found>,
     pictures: Vec<Option<TextureHandle>>,
-    /// The candidate that the list was scrolled to, and how far the list is scrolled and high, points.
-    scrolled_to: Option<usize>,
+    /// What the list shows, once that was chosen: it is kept when another scan is opened.
+    showing: Option<Showing>,
+    /// The candidate and its row that the list was scrolled to, and how far the list is scrolled and high, points.
+    scrolled_to: Option<(usize, usize)>,
     offset: f32,
     height: f32,
     /// The path of a file of answers that is typed.
@@ -91,7 +93,10 @@ impl CandidatesPanel {
         requests: &mut Requests,
     ) {
         if !std::ptr::eq(self.list.as_ptr(), Arc::as_ptr(found)) {
-            *self = Self { list: Arc::downgrade(found), ..Self::default() };
+            *self = Self { list: Arc::downgrade(found), showing: self.showing, ..Self::default() };
+            if let Some(showing) = self.showing {
+                requests.assist(AssistInput::Show(showing));
+            }
             self.pictures.resize_with(found.list.len(), || None);
         }
         self.buttons(context, assistant, found, ui, requests);
@@ -108,7 +113,30 @@ impl CandidatesPanel {
             ui.label("Nothing of the wall looks like a polyp to the detector.");
             return;
         }
-        self.list(assistant, found, ui, requests);
+        let shown = assistant.reading().shown();
+        self.order(assistant.reading(), shown.len(), ui, requests);
+        self.list(assistant, found, &shown, ui, requests);
+    }
+
+    /// Lays out the order of the list, what it leaves out, and how many it shows.
+    fn order(&mut self, reading: &Reading, shown: usize, ui: &mut Ui, requests: &mut Requests) {
+        let before = reading.showing();
+        let mut showing = before;
+        ui.horizontal_wrapped(|ui| {
+            ui.selectable_value(&mut showing.order, Order::Score, "by score");
+            ui.selectable_value(&mut showing.order, Order::Along, "along the colon");
+        });
+        ui.horizontal_wrapped(|ui| {
+            for (least_mm, text) in [(0, "any size"), (5, "5"), (6, "6"), (10, "10 mm")] {
+                ui.selectable_value(&mut showing.least_mm, least_mm, text);
+            }
+            ui.checkbox(&mut showing.hides_answered, "Hide answered");
+        });
+        ui.label(RichText::new(format!("{shown} of {} shown", reading.count())).color(SOFT));
+        if showing != before {
+            self.showing = Some(showing);
+            requests.assist(AssistInput::Show(showing));
+        }
     }
 
     fn buttons(
@@ -125,7 +153,7 @@ impl CandidatesPanel {
             context.button(ui, "Previous", "candidate-previous", requests);
             context.button(ui, "Next", "candidate-next", requests);
         });
-        let at = current.map_or_else(|| format!("{all} candidates"), |n| format!("{} of {all}", n + 1));
+        let at = current.map_or_else(|| format!("{all} candidates"), |n| format!("candidate {} of {all}", n + 1));
         ui.label(format!("{at}, {} answered", reading.answered()));
         let said = current.and_then(|n| reading.said(n));
         ui.horizontal_wrapped(|ui| {
@@ -147,6 +175,9 @@ impl CandidatesPanel {
             if ui.add(edit).changed() {
                 requests.assist(AssistInput::Note(n, note));
             }
+        }
+        if let Some(place) = current.and_then(|n| found.list.get(n)?.along) {
+            ui.label(RichText::new(place.full_text()).color(SOFT));
         }
         ui.horizontal_wrapped(|ui| {
             let mut marks = assistant.is_marking;
@@ -176,27 +207,24 @@ impl CandidatesPanel {
         }
     }
 
-    fn list(&mut self, assistant: &Assistant, found: &Found, ui: &mut Ui, requests: &mut Requests) {
+    fn list(&mut self, assistant: &Assistant, found: &Found, shown: &[usize], ui: &mut Ui, requests: &mut Requests) {
         let reading = assistant.reading();
         let step = ROW + ui.spacing().item_spacing.y;
         let mut area = ScrollArea::vertical().auto_shrink(false);
-        if let Some(n) = reading.current().filter(|_| reading.current() != self.scrolled_to) {
-            self.scrolled_to = Some(n);
-            let top = n as f32 * step;
+        let row = reading.current().and_then(|n| Some((n, shown.iter().position(|m| *m == n)?)));
+        if let Some((_, at)) = row.filter(|_| row != self.scrolled_to) {
+            self.scrolled_to = row;
+            let top = at as f32 * step;
             // As little as needed.
             let offset = self.offset.clamp((top + ROW - self.height).max(0.0).min(top), top);
             area = area.vertical_scroll_offset(offset);
         }
-        let output = area.show_rows(ui, ROW, found.list.len(), |ui, rows| {
-            for n in rows {
+        let output = area.show_rows(ui, ROW, shown.len(), |ui, visible| {
+            for &n in shown.get(visible).unwrap_or_default() {
                 let Some(entry) = found.list.get(n) else { continue };
-                let (rect, row) = ui.allocate_exact_size(vec2(ui.available_width(), ROW), Sense::CLICK);
+                let name = format!("candidate {}", n + 1);
+                let (rect, row) = rows::row(ui, ROW, n, &name, reading.current() == Some(n));
                 let p = ui.painter_at(rect);
-                if reading.current() == Some(n) {
-                    p.rect_filled(rect, 4.0, CHOSEN);
-                } else if row.hovered() {
-                    p.rect_filled(rect, 4.0, Color32::from_gray(45));
-                }
                 let image = Rect::from_min_size(rect.min + vec2(3.0, 3.0), vec2(PICTURE, PICTURE));
                 p.image(
                     self.picture(n, entry, ui),
@@ -206,9 +234,6 @@ impl CandidatesPanel {
                 );
                 let said = reading.said(n);
                 words(&p, image.right_top() + vec2(8.0, -1.0), n, entry, rect.width() < NARROW, said);
-                let row = row.on_hover_ui(|ui| {
-                    ui.label(tip(entry, found.is_ordered, said.map_or("", |s| &s.note)));
-                });
                 if row.clicked() {
                     requests.assist(AssistInput::Select(n));
                 }
@@ -248,23 +273,11 @@ fn words(p: &Painter, at: Pos2, n: usize, entry: &Entry, is_narrow: bool, said: 
         }
     }
     if let Some(place) = entry.along {
-        let part = place.part.filter(|_| !is_narrow).map_or_else(String::new, |part| format!("{part}, "));
-        line(&format!("{part}at {:.0} mm", place.mm), SOFT);
+        line(&place.text(), SOFT);
     }
     if let Some(said) = said {
         line(&said.note, INK);
     }
-}
-
-/// Returns what is told of a row under the pointer.
-fn tip(entry: &Entry, is_ordered: bool, note: &str) -> String {
-    let from = if is_ordered { "from the rectum" } else { "from its end nearer to the rectum" };
-    let place = entry.along.map(|a| {
-        let what = a.part.map_or_else(|| format!("segment {}", a.segment + 1), str::to_owned);
-        format!("{what}, {:.0} mm {from}", a.mm)
-    });
-    let lines = place.into_iter().chain((!note.is_empty()).then(|| note.to_owned()));
-    lines.collect::<Vec<_>>().join("\n")
 }
 
 /// Lays out a measured lesion.
@@ -290,7 +303,7 @@ fn lesion(measured: &Measured, ui: &mut Ui, requests: &mut Requests) {
     let l = &m.lesion;
     ui.label(format!("{:.1} mm wide, {:.1} mm high, {:.0} mm³, {form}", l.diameter_mm, l.height_mm, l.volume_mm3));
     let [mean, sd] = ["hu_mean", "hu_sd"].map(|name| l.feature(name));
-    ui.label(format!("{mean:.0} ± {sd:.0} HU inside; confidence {:.0} %", 100.0 * m.confidence));
+    ui.label(format!("{mean:.0} ± {sd:.0} HU inside; confidence in the measures {:.2}", m.confidence));
     if !m.why.is_empty() {
         ui.label(RichText::new(m.why.join("; ")).color(SOFT));
     }

@@ -22,6 +22,7 @@ use glam::DVec3;
 
 use super::actions::{Action, Actions, WhyNot};
 use super::assistant::Assistant;
+pub use super::assistant::{Order, Showing};
 use super::controller::FlightController;
 use super::kinds::Kinds;
 use super::measures::Measures;
@@ -271,7 +272,9 @@ pub enum AssistInput {
     Select(usize),
     /// Show the next candidate, or with `false` the previous one.
     Step(bool),
-    /// Answer whether the candidate that is shown is a polyp.
+    /// Set which candidates the list shows, and in which order.
+    Show(Showing),
+    /// Answer whether the candidate that is shown is a polyp, and go on to the next without an answer.
     Answer(Answer),
     /// Write the note of a candidate, by its number from 0.
     Note(usize, String),

@@ -220,8 +220,9 @@ fn candidates_look_as_they_did() {
     for request in [
         AssistInput::Select(1),
         AssistInput::Answer(Answer::No),
-        AssistInput::Step(false),
+        AssistInput::Select(0),
         AssistInput::Answer(Answer::Yes),
+        AssistInput::Select(0),
         AssistInput::Note(0, "on a fold".to_owned()),
         AssistInput::Mark,
     ] {
