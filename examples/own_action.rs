@@ -1,4 +1,4 @@
-//! Adds an action to the window of colvis: the key Y goes 50 mm back along the path and stops there.
+//! Adds an action to the window of colvis: the key Z goes 50 mm back along the path and stops there.
 //!
 //! `cargo run --release --example own_action`
 
@@ -14,7 +14,7 @@ const BACK_MM: f64 = 50.0;
 const GO_BACK: ActionEntry = ActionEntry {
     id: "go-back",
     text: "go 50 mm back and stop",
-    key: Some('y'),
+    key: Some('z'),
     possible: has_flown,
     run: go_back,
     ..ActionEntry::BASE

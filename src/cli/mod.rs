@@ -571,7 +571,7 @@ mod tests {
         for program in [
             overlay(Some('w')),
             panel(Some('w')),
-            overlay(Some('y')).panel(PanelEntry { name: "other", key: Some('Y'), ..PanelEntry::NONE }),
+            overlay(Some('z')).panel(PanelEntry { name: "other", key: Some('Z'), ..PanelEntry::NONE }),
         ] {
             let e = program.check().unwrap_err();
             assert!(e.kind as u8 == 2, "{e}");

@@ -41,7 +41,7 @@ macro_rules! guide {
 
 guide!(Second, "manual", None);
 guide!(Watch, "watch", None);
-guide!(Keyed, "keyed", Some('T'));
+guide!(Keyed, "keyed", Some('/'));
 guide!(Space, "space", Some('w'));
 guide!(Fine, "fine", Some('7'));
 
@@ -77,7 +77,7 @@ fn names_and_keys_that_are_taken_are_refused_with_both_owners() {
         (program().plugin(("one", nothing)).plugin(("one", nothing)), ["plug-in one", "plug-in one"]),
         (program().plugin(("path", nothing)), ["guide path", "plug-in path"]),
         (program().overlay(overlay("mines", None)), ["overlay mines", "overlay mines"]),
-        (program().overlay(overlay("own", Some('t'))), ["overlay tentacles", "overlay own"]),
+        (program().overlay(overlay("own", Some('/'))), ["overlay tentacles", "overlay own"]),
         (program().guide::<Keyed>(), ["guide keyed", "overlay tentacles"]),
         (program().overlay(overlay("own", Some('1'))), ["guide tentacles", "overlay own"]),
         (program().command("render", "", do_nothing), ["a command of colvis", "a command of this program"]),
@@ -102,11 +102,11 @@ fn names_and_keys_that_are_taken_are_refused_with_both_owners() {
     {
         use colvis::panel::{ActionEntry, PanelEntry};
         let action = |id, key| ActionEntry { id, key, ..ActionEntry::BASE };
-        let keyed = PanelEntry { name: "keyed", title: "Keyed", key: Some('y'), ..PanelEntry::NONE };
+        let keyed = PanelEntry { name: "keyed", title: "Keyed", key: Some('z'), ..PanelEntry::NONE };
         for (program, owners) in [
             (program().action(action("pause", None)), ["the window's pause", "action pause"]),
             (program().action(action("own", Some('w'))), ["the window's forward", "action own"]),
-            (program().action(action("own", Some('y'))).panel(keyed), ["panel keyed", "action own"]),
+            (program().action(action("own", Some('z'))).panel(keyed), ["panel keyed", "action own"]),
             (
                 program().overlay(overlay("x", None)).action(action("overlay-x", None)),
                 ["overlay x", "action overlay-x"],
@@ -115,7 +115,7 @@ fn names_and_keys_that_are_taken_are_refused_with_both_owners() {
             let told = program.check().expect_err(owners[1]).to_string();
             assert!(owners.iter().all(|o| told.contains(o)) && !told.contains('\n'), "{owners:?}: {told}");
         }
-        program().action(action("own", Some('y'))).check().unwrap();
+        program().action(action("own", Some('z'))).check().unwrap();
     }
     let own = program()
         .guide::<Fine>()

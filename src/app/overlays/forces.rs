@@ -20,7 +20,7 @@ use crate::systems::motion::acting;
 pub const OVERLAY: Overlay = Overlay {
     name: "forces",
     summary: "forces on the camera (vectors)",
-    key: Some('9'),
+    key: Some('\''),
     shown: false,
     draw,
     ..Overlay::PLAIN

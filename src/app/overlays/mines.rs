@@ -12,7 +12,7 @@ use crate::space::first_crossing;
 pub const OVERLAY: Overlay = Overlay {
     name: "mines",
     summary: "mines: laid behind the camera",
-    key: Some('8'),
+    key: Some('\\'),
     shown: false,
     draw,
     ..Overlay::PLAIN

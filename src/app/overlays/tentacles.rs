@@ -14,7 +14,7 @@ use crate::components::guide::Tentacles;
 pub const OVERLAY: Overlay = Overlay {
     name: "tentacles",
     summary: "tentacles: where they touch the wall",
-    key: Some('7'),
+    key: Some('/'),
     shown: false,
     draw,
     ..Overlay::PLAIN

@@ -223,7 +223,7 @@ const TABLE: &[Row] = &[
         possible: flies_itself,
         ..once("reverse", "turn round and fly back", "R B Backspace", FlightController::reverse)
     },
-    Row { possible: flies_itself, ..once("next", "fly to the next segment", "J", FlightController::next_segment) },
+    Row { possible: flies_itself, ..once("next", "fly to the next segment", "T", FlightController::next_segment) },
     Row { possible: flies_itself, ..once("other-end", "start from the other end", "E", FlightController::other_end) },
     Row {
         possible: flies_itself,
@@ -285,7 +285,7 @@ const TABLE: &[Row] = &[
     },
     Row {
         possible: has_list,
-        ..once("measure-lesion", "measure a lesion with one click, stop measuring", "O Ctrl+M", |c, at| {
+        ..once("measure-lesion", "measure a lesion with one click, stop measuring", "Ctrl+M", |c, at| {
             c.assist(AssistInput::Measure, at.now);
         })
     },
@@ -298,7 +298,7 @@ const TABLE: &[Row] = &[
         c.tell_kind(Some(GasKind::SmallBowel), at.now);
     }),
     kind("kind-stomach", "this gas is stomach", "Ctrl+A", |c, at| c.tell_kind(Some(GasKind::Stomach), at.now)),
-    kind("kind-lung", "this gas is lung", "Ctrl+R", |c, at| c.tell_kind(Some(GasKind::Lung), at.now)),
+    kind("kind-lung", "this gas is lung", "Ctrl+H", |c, at| c.tell_kind(Some(GasKind::Lung), at.now)),
     kind("kind-trachea", "this gas is trachea", "Ctrl+T", |c, at| c.tell_kind(Some(GasKind::Trachea), at.now)),
     kind("kind-unknown", "this gas may be colon", "Ctrl+D", |c, at| c.tell_kind(Some(GasKind::Unknown), at.now)),
     kind("kind-as-judged", "restore the automatic kind of this gas", "Ctrl+G", |c, at| c.tell_kind(None, at.now)),
@@ -785,7 +785,7 @@ mod tests {
     fn messages_name_the_keys_of_the_settings() {
         let usual = actions(&[]).unwrap();
         assert_eq!(usual.short_help(), "H keys   Space pause   W A S D steer   drag to look   R turn round");
-        assert_eq!(usual.hint("next", "flies to the next"), " (J flies to the next)");
+        assert_eq!(usual.hint("next", "flies to the next"), " (T flies to the next)");
         assert_eq!((usual.key("undo").as_str(), usual.quit_key().as_str()), ("Ctrl+Z", "Ctrl+Q"));
         let changed = [("help", &["Ü"][..]), ("left", &["Ö"]), ("reverse", &[]), ("next", &[]), ("quit", &["Ä"])];
         let changed = actions(&changed).unwrap();
@@ -811,7 +811,7 @@ mod tests {
             let is_upper = word.chars().next().is_some_and(char::is_uppercase);
             !is_word && is_told && is_upper && word.parse().is_ok_and(|key| all.of_key(&key).is_some())
         };
-        assert!(["(J", "Ctrl+Z", "Esc"].map(is_key) == [true; 3] && ["j", "Next", "3"].map(is_key) == [false; 3]);
+        assert!(["(T", "Ctrl+Z", "Esc"].map(is_key) == [true; 3] && ["t", "Next", "3"].map(is_key) == [false; 3]);
         let window = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/host/window");
         let (mut folders, mut files) = (vec![window], 0);
         while let Some(folder) = folders.pop() {

@@ -355,7 +355,7 @@ mod tests {
         perform(&mut c, "review", now);
         go_on(&mut c, &mut now, |c| c.seen().next().is_none());
         let told = c.hud(now).message.unwrap();
-        assert!(told.starts_with("nothing to review in this segment; ") && told.contains("(J flies"), "{told}");
+        assert!(told.starts_with("nothing to review in this segment; ") && told.contains("(T flies"), "{told}");
     }
 
     #[test]
