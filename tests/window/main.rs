@@ -305,9 +305,6 @@ fn a_kept_session_never_keeps_a_scan_from_being_opened() {
     let folder = folder.path();
     let quit = |mut window: Running| {
         screen.key("ctrl+q");
-        // It asks, since some candidates are not answered.
-        std::thread::sleep(Duration::from_secs(1));
-        screen.key("Return");
         let status = window.wait();
         let (_, err) = window.output();
         assert!(status.success(), "{status}: {err}");

@@ -473,7 +473,9 @@ impl Shell {
         let action = actions.of_key(&chord).or_else(|| actions.of_key(&chord.plain()).filter(|_| !pressed));
         let Some(action) = action.filter(|_| !pressed || !other) else { return };
         // A sheet covers everything that other keys would change unseen.
-        let is_of_sheet = |a: &Action| matches!(a.effect, Effect::Window(WindowRequest::Cancel | WindowRequest::Help));
+        let is_of_sheet = |a: &Action| {
+            matches!(a.effect, Effect::Window(WindowRequest::Cancel | WindowRequest::Help | WindowRequest::Quit))
+        };
         if pressed && self.sheet.is_some() && !is_of_sheet(action) {
             return;
         }
