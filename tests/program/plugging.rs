@@ -41,7 +41,7 @@ macro_rules! guide {
 
 guide!(Second, "manual", None);
 guide!(Watch, "watch", None);
-guide!(Keyed, "keyed", Some('/'));
+guide!(Keyed, "keyed", Some('Z'));
 guide!(Space, "space", Some('w'));
 guide!(Fine, "fine", Some('7'));
 
@@ -77,8 +77,11 @@ fn names_and_keys_that_are_taken_are_refused_with_both_owners() {
         (program().plugin(("one", nothing)).plugin(("one", nothing)), ["plug-in one", "plug-in one"]),
         (program().plugin(("path", nothing)), ["guide path", "plug-in path"]),
         (program().overlay(overlay("mines", None)), ["overlay mines", "overlay mines"]),
-        (program().overlay(overlay("own", Some('/'))), ["overlay tentacles", "overlay own"]),
-        (program().guide::<Keyed>(), ["guide keyed", "overlay tentacles"]),
+        (
+            program().overlay(overlay("one", Some('z'))).overlay(overlay("own", Some('z'))),
+            ["overlay one", "overlay own"],
+        ),
+        (program().guide::<Keyed>().overlay(overlay("own", Some('z'))), ["guide keyed", "overlay own"]),
         (program().overlay(overlay("own", Some('1'))), ["guide tentacles", "overlay own"]),
         (program().command("render", "", do_nothing), ["a command of colvis", "a command of this program"]),
         (program().command("unfold", "", do_nothing), ["a command of colvis", "a command of this program"]),

@@ -17,14 +17,8 @@ use crate::dynamics::Potential;
 use crate::systems::motion::acting;
 
 /// The overlay.
-pub const OVERLAY: Overlay = Overlay {
-    name: "forces",
-    summary: "forces on the camera (vectors)",
-    key: Some('\''),
-    shown: false,
-    draw,
-    ..Overlay::PLAIN
-};
+pub const OVERLAY: Overlay =
+    Overlay { name: "forces", summary: "forces on the camera (vectors)", shown: false, draw, ..Overlay::PLAIN };
 
 /// Length of an arrow in the views of the surroundings, and in the picture, mm for each mm/s².
 const MM_A_FORCE: f64 = 0.16;

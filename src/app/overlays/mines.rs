@@ -9,14 +9,8 @@ use crate::components::guide::MineField;
 use crate::space::first_crossing;
 
 /// The overlay.
-pub const OVERLAY: Overlay = Overlay {
-    name: "mines",
-    summary: "mines: laid behind the camera",
-    key: Some('\\'),
-    shown: false,
-    draw,
-    ..Overlay::PLAIN
-};
+pub const OVERLAY: Overlay =
+    Overlay { name: "mines", summary: "mines: laid behind the camera", shown: false, draw, ..Overlay::PLAIN };
 
 /// A mine is drawn at the apparent size of a ball of this radius, mm.
 const RADIUS_MM: f64 = 1.2;

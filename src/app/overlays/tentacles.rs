@@ -14,7 +14,6 @@ use crate::components::guide::Tentacles;
 pub const OVERLAY: Overlay = Overlay {
     name: "tentacles",
     summary: "tentacles: where they touch the wall",
-    key: Some('/'),
     shown: false,
     draw,
     ..Overlay::PLAIN

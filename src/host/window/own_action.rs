@@ -23,7 +23,7 @@ use crate::schedule::note;
 /// let home = ActionEntry {
 ///     id: "home",
 ///     text: "jump back to the start",
-///     key: Some('y'),
+///     key: Some('z'),
 ///     possible: |flight| if flight.survey().progress().0 > 0.0 { Ok(()) } else { Err("the flight is at its start".into()) },
 ///     run: |_, requests| requests.command(FlightCommand::Seek(0.0)),
 ///     ..ActionEntry::BASE
@@ -136,7 +136,7 @@ mod tests {
     const MARK: ActionEntry = ActionEntry {
         id: "mark",
         text: "mark this place",
-        key: Some('y'),
+        key: Some('z'),
         run: |context, requests| {
             requests.point(context.flight.pose().position);
             requests.command(HandCommand::Pause(true));
@@ -150,10 +150,10 @@ mod tests {
         let last = ActionEntry { id: "last", repeats: true, ..ActionEntry::BASE };
         let all = actions(&[MARK, last]).unwrap();
         let id = |key: &str| all.of_key(&key.parse().unwrap()).map(|a| a.id.as_ref());
-        assert_eq!((id("Y"), id("Ctrl+R")), (Some("mark"), Some("last")));
+        assert_eq!((id("Z"), id("Ctrl+R")), (Some("mark"), Some("last")));
         assert!(all.named("last").unwrap().repeats && !all.named("mark").unwrap().repeats);
         let help = all.help();
-        for row in [("Y", "mark this place"), ("Ctrl+R", "last")] {
+        for row in [("Z", "mark this place"), ("Ctrl+R", "last")] {
             assert!(help.iter().any(|r| (r.0.as_str(), r.1.as_str()) == row), "{row:?}");
         }
         let menus = super::super::actions::MENUS.iter().map(|m| {
