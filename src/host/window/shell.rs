@@ -338,7 +338,11 @@ impl Shell {
 
     /// Returns the title of the window: the scan, and the program.
     fn title(&self) -> String {
-        let program = program_name();
+        let program = match program_name() {
+            "colvis" => "colvis".to_owned(),
+            // Another program's window is known by the engine's name, too.
+            own => format!("{own} (colvis)"),
+        };
         let file = self.opening.as_deref().map(|path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy());
         let series = self.series.map_or_else(String::new, |n| format!(", series {n}"));
         file.map_or_else(|| format!("{PHANTOM} - {program}"), |file| format!("{file}{series} - {program}"))
