@@ -2,7 +2,7 @@
 #![cfg(all(feature = "window", target_os = "linux"))]
 
 use std::fs;
-use std::io::{BufRead, BufReader, Read};
+use std::io::Read;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
@@ -16,6 +16,7 @@ use support::logs::{place, read_log};
 use support::panels::panels;
 use support::program::colvis;
 use support::skips::skip;
+use support::xvfb;
 
 #[path = "../support"]
 mod support {
@@ -24,6 +25,7 @@ mod support {
     pub(crate) mod panels;
     pub(crate) mod program;
     pub(crate) mod skips;
+    pub(crate) mod xvfb;
 }
 
 const SIZE: (u32, u32) = (640, 480);
@@ -76,24 +78,13 @@ impl Screen {
     /// Works like [`Screen::open`] for a screen of that width, height and depth, with more arguments of its server and more tools.
     fn open_with(screen: &str, more: &[&str], tools: &[&str]) -> Option<Self> {
         for tool in ["Xvfb", "xdotool", "import"].iter().chain(tools) {
-            let path = std::env::var_os("PATH")?;
-            if !std::env::split_paths(&path).any(|p| p.join(tool).is_file()) {
+            if !xvfb::is_there(tool) {
                 skip("screen", &format!("there is no {tool}"));
                 return None;
             }
         }
-        let mut server = Command::new("Xvfb")
-            .args(["-displayfd", "1", "-nolisten", "tcp", "-screen", "0", screen])
-            .args(more)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut number = String::new();
-        BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
-        let server = Running(server);
-        assert!(!number.trim().is_empty(), "Xvfb has no display");
-        Some(Self { _server: server, display: format!(":{}", number.trim()) })
+        let (server, display) = xvfb::start(screen, more);
+        Some(Self { _server: Running(server), display })
     }
 
     fn tool(&self, name: &str, args: &[&str]) -> Vec<u8> {

@@ -276,7 +276,6 @@ mod cases {
 
 #[cfg(all(feature = "window", target_os = "linux"))]
 mod judge {
-    use std::io::{BufRead, BufReader};
     use std::path::Path;
     use std::process::{Child, Command, ExitCode, Stdio};
     use std::sync::Arc;
@@ -289,28 +288,18 @@ mod judge {
 
     use super::cases::ALL;
     use super::skips::skip;
+    use super::xvfb;
 
     const PATIENCE: Duration = Duration::from_secs(120);
 
     /// Runs the cases whose names contain the argument, if there is one.
     pub(crate) fn all() -> ExitCode {
         let wanted = std::env::args().skip(1).find(|a| !a.starts_with('-')).unwrap_or_default();
-        let is_there = |tool: &str| {
-            std::env::var_os("PATH").is_some_and(|path| std::env::split_paths(&path).any(|p| p.join(tool).is_file()))
-        };
-        if !is_there("Xvfb") {
+        if !xvfb::is_there("Xvfb") {
             skip("screen", "there is no Xvfb");
             return ExitCode::SUCCESS;
         }
-        let mut server = Command::new("Xvfb")
-            .args(["-displayfd", "1", "-nolisten", "tcp", "-screen", "0", "640x480x24"])
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut number = String::new();
-        BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
-        let display = format!(":{}", number.trim());
+        let (mut server, display) = xvfb::start("640x480x24", &[]);
         let dir = tempfile::tempdir().unwrap();
         write_tube(&dir.path().join("tube.nii"));
         let mut failed = 0;
@@ -406,3 +395,7 @@ mod judge {
 #[cfg(all(feature = "window", target_os = "linux"))]
 #[path = "../support/skips.rs"]
 mod skips;
+
+#[cfg(all(feature = "window", target_os = "linux"))]
+#[path = "../support/xvfb.rs"]
+mod xvfb;

@@ -27,6 +27,8 @@ pub(crate) struct Place {
     at: Option<AlongColon>,
     /// Stretches of the line that were flown, from and to, mm; apart and in order.
     read: Vec<[f64; 2]>,
+    /// Length of the line that they are stretches of, mm.
+    length_mm: f64,
     looked: Instant,
 }
 
@@ -67,7 +69,7 @@ enum Known {
 
 impl Place {
     pub(crate) fn new(now: Instant) -> Self {
-        Self { flown: None, at: None, read: Vec::new(), looked: now }
+        Self { flown: None, at: None, read: Vec::new(), length_mm: 0.0, looked: now }
     }
 
     /// Looks where the camera is, if it is time. Starts the computation for a lumen that is new.
@@ -83,7 +85,6 @@ impl Place {
         if self.flown.as_ref().is_none_or(|f| !Arc::ptr_eq(&f.0, gas)) {
             let known = begin(flight, gas, wake).map_or(Known::No, Known::Computing);
             self.flown = Some((Arc::clone(gas), known));
-            // The same scan has the same measure, but another one may have been opened.
             self.at = None;
         }
         let Some((_, known)) = &mut self.flown else { return };
@@ -91,6 +92,13 @@ impl Place {
             && let Some(done) = job.take()
         {
             *known = done.map_or(Known::No, Known::Yes);
+            // The measure is that of the scan, with its tag or without; another kind of its gas may change it.
+            if let Known::Yes(along) = known
+                && (along.length_mm() - self.length_mm).abs() > TOUCHING_MM
+            {
+                self.length_mm = along.length_mm();
+                self.read.clear();
+            }
         }
         let before = self.at;
         self.at = match known {

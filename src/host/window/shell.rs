@@ -30,7 +30,7 @@ use super::screenshot_renderer::WakeUp;
 use super::session::{ScanFiles, Session};
 use super::sheet::{self, Sheet};
 use super::stroke::{Pressed, Stroke};
-use super::workspace::{PHANTOM, Workspace};
+use super::workspace::{Workspace, scan_name};
 use super::{Finish, Launch, Opening, Resume, Shown};
 use crate::app::Overlay;
 use crate::components::slices::Orientation;
@@ -232,12 +232,17 @@ impl Shell {
         };
         let closed = self.close();
         // Last, since it asks the window system, which may have gone.
+        self.keep_placement();
+        self.outcome.and(unopened).and(closed)
+    }
+
+    /// Stores the size of the window for the next time, unless it was asked for.
+    fn keep_placement(&self) {
         if let (Some(window), None) = (&self.window, self.size)
             && let Ok(Err(e)) = panics::catch(|| self.placement.keep(window))
         {
             output::to_stderr(format_args!("note: the size of the window was not saved: {e}"));
         }
-        self.outcome.and(unopened).and(closed)
     }
 
     /// Writes the outputs of the flight when the display is lost. What belongs to the window system is left as it is: to close it
@@ -327,6 +332,8 @@ impl Shell {
         (self.session, self.scan, self.laid_out, self.painted) = (None, None, None, None);
         (self.flight_at, self.presented) = ([0; 4], PresentTimer::default());
         self.slices_at.clear();
+        // It was about the scan that was open.
+        self.sheet = None;
         if let Some(window) = &self.window {
             window.set_title(&self.title());
         }
@@ -343,9 +350,7 @@ impl Shell {
             // Another program's window is known by the engine's name, too.
             own => format!("{own} (colvis)"),
         };
-        let file = self.opening.as_deref().map(|path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy());
-        let series = self.series.map_or_else(String::new, |n| format!(", series {n}"));
-        file.map_or_else(|| format!("{PHANTOM} - {program}"), |file| format!("{file}{series} - {program}"))
+        format!("{} - {program}", scan_name(self.opening.as_deref().map(|path| (path, self.series))))
     }
 
     fn fail(&mut self, e: Error, events: &ActiveEventLoop) {
@@ -444,10 +449,10 @@ impl Shell {
             controller.say(format!("resumed where you left off{other}"), Instant::now());
         }
         self.workspace.warn(notes);
-        if self.placement.is_first() && self.size.is_none() && self.is_first {
-            // Nothing is missed while it is read.
-            controller.stop(Instant::now());
+        // A window of a given size or time is that of a script.
+        if self.placement.is_first() && self.size.is_none() && self.seconds.is_none() && self.is_first {
             self.sheet = Some(Sheet::Welcome);
+            self.keep_placement();
         }
         self.stage = Stage::Flying(Box::new(controller));
         Ok(())
@@ -480,8 +485,13 @@ impl Shell {
         let is_of_sheet = |a: &Action| {
             matches!(a.effect, Effect::Window(WindowRequest::Cancel | WindowRequest::Help | WindowRequest::Quit))
         };
-        if pressed && self.sheet.is_some() && !is_of_sheet(action) {
-            return;
+        if pressed && !is_of_sheet(action) {
+            match self.sheet {
+                // Whoever knows the keys needs no welcome.
+                Some(Sheet::Welcome) => self.close_sheet(),
+                Some(_) => return,
+                None => {}
+            }
         }
         let once = pressed && (action.repeats || !event.repeat);
         match (action.effect, &mut self.stage) {
@@ -601,7 +611,7 @@ impl Shell {
         self.laid_out_at = Some(now);
         match answer {
             sheet::Answer::Stay => {}
-            sheet::Answer::Close => self.close_sheet(now),
+            sheet::Answer::Close => self.close_sheet(),
             sheet::Answer::Quit => self.quit(events),
         }
         self.follow(chosen.into_iter().chain(requests.take()), now, events);
@@ -685,18 +695,15 @@ impl Shell {
         }
     }
 
-    fn close_sheet(&mut self, now: Instant) {
-        if let (Some(Sheet::Welcome), Stage::Flying(c)) = (self.sheet.take(), &mut self.stage) {
-            c.start(now);
-        }
-        self.touched = true;
+    fn close_sheet(&mut self) {
+        (self.sheet, self.touched) = (None, true);
     }
 
     /// Cancels the innermost of what is under way: a sheet, a tool, the list of scans, full screen, the loading of a scan.
     fn cancel(&mut self, events: &ActiveEventLoop) {
         let moment = self.moment(Instant::now());
         if self.sheet.is_some() {
-            return self.close_sheet(Instant::now());
+            return self.close_sheet();
         }
         match &mut self.stage {
             Stage::Flying(c) => {
@@ -724,7 +731,7 @@ impl Shell {
             },
             WindowRequest::Cancel => self.cancel(events),
             WindowRequest::Help => match &self.sheet {
-                Some(Sheet::Keys { .. }) => self.close_sheet(Instant::now()),
+                Some(Sheet::Keys { .. }) => self.close_sheet(),
                 _ => self.sheet = Some(Sheet::keys()),
             },
             WindowRequest::Fullscreen => self.switch_fullscreen(),

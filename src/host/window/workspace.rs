@@ -1,5 +1,6 @@
 //! The workspace: which panels are shown, and where. A layout is a row of tiles with draggable dividers between them.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -28,7 +29,17 @@ const SHARES: [f32; 2] = [0.02, 50.0];
 const SIDE: f32 = 0.3;
 
 /// What the embedded phantom is called.
-pub(crate) const PHANTOM: &str = "synthetic phantom";
+const PHANTOM: &str = "synthetic phantom";
+
+/// Returns the name of an open scan, and of its series if one was asked for.
+pub(crate) fn scan_name(opened: Option<(&Path, Option<usize>)>) -> Cow<'_, str> {
+    let Some((path, series)) = opened else { return PHANTOM.into() };
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+    match series {
+        Some(n) => format!("{name}, series {n}").into(),
+        None => name,
+    }
+}
 
 /// The layout of a window that is opened for the first time.
 const FIRST: &str = "reading";

@@ -78,16 +78,9 @@ impl FlightController {
 
     /// Pauses a flight that moves automatically, even if it has arrived or calls the operator, so that the camera stays where it
     /// is moved to.
-    pub(crate) fn stop(&mut self, now: Instant) {
+    pub(super) fn stop(&mut self, now: Instant) {
         if !self.is_by_hand() && !self.hand().paused && self.flight.setup().scene.play().is_none() {
             self.act(HandCommand::Pause(true), now);
-        }
-    }
-
-    /// Goes on after [`Self::stop`].
-    pub(crate) fn start(&mut self, now: Instant) {
-        if self.hand().paused {
-            self.act(HandCommand::Pause(false), now);
         }
     }
 

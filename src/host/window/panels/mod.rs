@@ -29,7 +29,7 @@ use super::measures::Measures;
 use super::overlay::HudState;
 pub use super::own_action::ActionEntry;
 use super::seen::Seen;
-use super::workspace::PHANTOM;
+use super::workspace::scan_name;
 use crate::app::FlightApp;
 use crate::components::input::Command;
 use crate::components::slices::{Orientation, SliceView};
@@ -120,13 +120,7 @@ impl<'a> Context<'a> {
 
     /// Returns the name of the open scan, and of its series if one was asked for.
     pub(super) fn scan_name(&self) -> Cow<'a, str> {
-        match self.opened {
-            None => PHANTOM.into(),
-            Some((path, series)) => {
-                let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-                series.map_or_else(|| name.clone(), |n| format!("{name}, series {n}").into())
-            }
-        }
+        scan_name(self.opened)
     }
 
     /// Tells whether the state is shown above all panels.
