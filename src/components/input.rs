@@ -71,6 +71,26 @@ pub enum FlightCommand {
     ViewAngle(f64),
 }
 
+impl Command {
+    /// Returns the command with finite numbers that does the same, so that a recording can hold it; `None` if it does nothing, as a
+    /// turn of the view that is no number.
+    pub(crate) fn finite(self) -> Option<Self> {
+        let held = |all: [f64; 3]| all.map(|x| if x.is_finite() { x } else { 0.0 });
+        Some(match self {
+            Self::Hand(HandCommand::Push(all)) => HandCommand::Push(held(all)).into(),
+            Self::Hand(HandCommand::Turn(all)) => HandCommand::Turn(held(all)).into(),
+            Self::Hand(HandCommand::Look(all)) if !all.iter().all(|x| x.is_finite()) => return None,
+            Self::Hand(HandCommand::Roll(x) | HandCommand::Speed(x)) if !x.is_finite() => return None,
+            Self::Flight(FlightCommand::Seek(share)) if !share.is_finite() => FlightCommand::Seek(0.0).into(),
+            Self::Flight(FlightCommand::ViewAngle(degrees)) if degrees.is_nan() => return None,
+            Self::Flight(FlightCommand::ViewAngle(degrees)) => {
+                FlightCommand::ViewAngle(degrees.clamp(-f64::MAX, f64::MAX)).into()
+            }
+            other => other,
+        })
+    }
+}
+
 /// A command of the operator, as recorded and replayed. In a file, only the name distinguishes the two kinds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]

@@ -5,3 +5,4 @@ pub mod hash;
 pub(crate) mod lattice;
 pub(crate) mod normal;
 pub(crate) mod reflection;
+pub(crate) mod sphere;

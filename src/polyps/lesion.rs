@@ -6,6 +6,7 @@ use super::Wall;
 use super::base::{Base, Scratch};
 use super::caps::Cap;
 use super::fit::Ellipsoid;
+use crate::math::sphere::directions;
 use crate::space::ray::trilinear;
 use crate::volume::Volume;
 
@@ -161,17 +162,6 @@ impl Lesion {
     pub fn feature(&self, name: &str) -> f64 {
         FEATURES.iter().position(|f| *f == name).map_or(f64::NAN, |n| self.features[n])
     }
-}
-
-/// Returns the unit directions of a Fibonacci lattice on the sphere.
-fn directions(count: usize) -> impl Iterator<Item = DVec3> {
-    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
-    (0..count).map(move |n| {
-        let z = 1.0 - (2.0 * n as f64 + 1.0) / count as f64;
-        let (sin, cos) = (golden * n as f64).sin_cos();
-        let r = (1.0 - z * z).max(0.0).sqrt();
-        DVec3::new(r * cos, r * sin, z)
-    })
 }
 
 /// Returns how far along `axis` a cap begins, mm: all but a twentieth of its area is farther.

@@ -69,9 +69,7 @@ struct Caster<'a, S, K, C, B> {
     begin: &'a B,
     headlight: Headlight,
     /// The effects that the light adds to the headlight.
-    lighting: Option<Lighting>,
-    /// Upper border of the volume grown by one voxel of air, voxels.
-    border: Vec3,
+    lighting: Option<Lighting<'a>>,
     /// The shader that replaces the headlight.
     shader: Option<Arc<dyn Shader>>,
     ramp: Ramp,
@@ -115,8 +113,8 @@ impl ImageRequest<'_> {
             classifier,
             begin,
             headlight: Headlight::new(volume),
-            lighting: (settings.light != Light::HEADLIGHT).then(|| Lighting::new(settings.light, volume)),
-            border: Vec3::from_array(volume.voxels().grid().dims().map(|n| (n + 1) as f32)),
+            lighting: (settings.light != Light::HEADLIGHT)
+                .then(|| Lighting::new(settings.light, volume, view.position())),
             shader: settings.shader.own(),
             ramp: Ramp::new(volume.transfer(), step.power),
             step,
@@ -266,13 +264,12 @@ impl<S: Sampler, K: Skipper, C: Classifier, B: Begin> Caster<'_, S, K, C, B> {
     }
 
     /// Returns the colour of sample `n` of a ray in a light other than the headlight.
-    fn lit(&self, lighting: &Lighting, ray: &Ray, n: u32, hu: f32, gradient: Vec3) -> Vec3 {
+    fn lit(&self, lighting: &Lighting<'_>, ray: &Ray, n: u32, hu: f32, gradient: Vec3) -> Vec3 {
         let distance = ray.start_mm + n as f32 / ray.per_mm;
         let q = ray.at(n);
         let gradient = self.headlight.world_gradient(gradient);
         let facing = self.headlight.facing(gradient, ray.direction);
-        let value = |apart: Vec3| self.sampler.value((q + apart).clamp(Vec3::ZERO, self.border));
-        self.headlight.tissue(hu) * lighting.brightness(facing, distance, gradient, value)
+        self.headlight.tissue(hu) * lighting.brightness(facing, distance, gradient, q)
     }
 
     /// Returns the colour that a custom shader gives to sample `n` of a ray.

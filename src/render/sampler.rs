@@ -7,6 +7,7 @@ use super::gather::Voxels;
 use super::march::round;
 use super::regression::{Fit, Regression, Weighting, block};
 use crate::space::PreparedVolume;
+use crate::volume::Volume;
 
 /// Evaluates the volume between voxels. Positions are grown voxel coordinates: voxel coordinates plus one.
 pub trait Sampler: Sync {
@@ -117,18 +118,24 @@ pub(crate) fn nearest(q: Vec3) -> [i32; 3] {
     round(q)
 }
 
+/// Returns the trilinear value of `volume` at `q`, in grown voxel coordinates, with air outside.
+#[inline(always)]
+pub(super) fn trilinear(volume: &Volume, q: Vec3) -> f32 {
+    let (cell, t) = split(q);
+    let [a, b, c, d, e, f, g, h] = Voxels::of(volume).corners(cell);
+    let mix = |a: i16, b: i16, t: f32| {
+        let a = f32::from(a);
+        a + (f32::from(b) - a) * t
+    };
+    let (ab, cd, ef, gh) = (mix(a, b, t.x), mix(c, d, t.x), mix(e, f, t.x), mix(g, h, t.x));
+    let (near, far) = (ab + (cd - ab) * t.y, ef + (gh - ef) * t.y);
+    near + (far - near) * t.z
+}
+
 impl Sampler for Trilinear<'_> {
     #[inline(always)]
     fn value(&self, q: Vec3) -> f32 {
-        let (cell, t) = split(q);
-        let [a, b, c, d, e, f, g, h] = Voxels::of(self.volume.voxels()).corners(cell);
-        let mix = |a: i16, b: i16, t: f32| {
-            let a = f32::from(a);
-            a + (f32::from(b) - a) * t
-        };
-        let (ab, cd, ef, gh) = (mix(a, b, t.x), mix(c, d, t.x), mix(e, f, t.x), mix(g, h, t.x));
-        let (near, far) = (ab + (cd - ab) * t.y, ef + (gh - ef) * t.y);
-        near + (far - near) * t.z
+        trilinear(self.volume.voxels(), q)
     }
 
     #[inline(always)]

@@ -6,6 +6,7 @@
 pub(crate) mod flags;
 mod prepared_volume;
 pub(crate) mod ray;
+pub(crate) mod surround;
 mod transfer;
 
 pub use flags::Flags;

@@ -1,10 +1,11 @@
 //! A volume prepared for ray casting.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::volume::Volume;
 
 use super::flags::Flags;
+use super::surround::Surround;
 use super::transfer::TransferFunction;
 
 /// A volume prepared for ray casting: its voxels, its transfer function, and the flags that let rays leap. Cheap to
@@ -14,20 +15,22 @@ pub struct PreparedVolume {
     volume: Arc<Volume>,
     transfer: TransferFunction,
     flags: Arc<Flags>,
+    /// For lights that have shadows, once one asks for it.
+    surround: Arc<OnceLock<Option<Surround>>>,
 }
 
 impl PreparedVolume {
     /// Prepares `volume` for rays that see it through `transfer`, in one parallel pass over the voxels.
     pub fn new(volume: Arc<Volume>, transfer: TransferFunction) -> Self {
         let flags = Arc::new(Flags::new(&volume, transfer));
-        Self { volume, transfer, flags }
+        Self { volume, transfer, flags, surround: Arc::default() }
     }
 
     /// Prepares a volume as [`PreparedVolume::new`] does, with the least memory: bricks for leaping, but no bit per
     /// voxel.
     pub fn lean(volume: Arc<Volume>, transfer: TransferFunction) -> Self {
         let flags = Arc::new(Flags::bricks_only(&volume, transfer));
-        Self { volume, transfer, flags }
+        Self { volume, transfer, flags, surround: Arc::default() }
     }
 
     /// Prepares other voxels in the same way, with the same transfer function.
@@ -39,7 +42,7 @@ impl PreparedVolume {
     pub(crate) fn change(&mut self, change: impl FnOnce(&mut Volume)) {
         change(Arc::make_mut(&mut self.volume));
         let voxels = Arc::clone(&self.volume);
-        self.flags = self.with_voxels(voxels).flags;
+        *self = self.with_voxels(voxels);
     }
 
     /// Returns the voxels with shared ownership.
@@ -62,9 +65,16 @@ impl PreparedVolume {
         &self.flags
     }
 
+    /// Returns how much matter surrounds a place; `None` for a volume that has no room for cells. The first call makes it, in
+    /// one parallel pass over the voxels.
+    pub(crate) fn surround(&self) -> Option<&Surround> {
+        self.surround.get_or_init(|| Surround::new(&self.volume, self.transfer)).as_ref()
+    }
+
     /// Returns the memory beside the voxels, bytes.
     pub fn bytes(&self) -> usize {
-        self.flags.bytes()
+        let surround = self.surround.get().and_then(Option::as_ref);
+        self.flags.bytes() + surround.map_or(0, Surround::bytes)
     }
 }
 

@@ -22,7 +22,8 @@ impl FlightApp {
     /// # Errors
     /// Returns an error if the command requests something that does not exist.
     pub fn act(&mut self, command: impl Into<Command>) -> Result<()> {
-        let (tick, command) = (self.clock().tick, command.into());
+        // A recording holds finite numbers alone.
+        let (tick, Some(command)) = (self.clock().tick, command.into().finite()) else { return Ok(()) };
         match &command {
             Command::Hand(command) => {
                 if let Some(mut inbox) = self.app.world.get_resource_mut::<Inbox>() {
@@ -296,5 +297,51 @@ mod tests {
         let (share, _) = flight.survey().progress();
         assert!((share - 0.75).abs() < 0.05, "{share}");
         assert_eq!(flight.flight().state, State::Flying);
+    }
+
+    /// A recording holds finite numbers alone, and does what was done.
+    #[test]
+    fn a_recording_holds_finite_numbers_alone_and_does_the_same() {
+        use crate::components::input::HandCommand;
+
+        let volume = Room::new([20, 60, 20]).scan();
+        let [start, goal] = [10.0, 50.0].map(|y| DVec3::new(10.0, y, 10.0));
+        let lumen = lumen::gas_at(volume.voxels(), start, &Progress::new()).unwrap().unwrap();
+        let lumen = Arc::new(lumen);
+        let fly = |scene: Scene| {
+            let plan = Plan::between(start, goal, 40.0);
+            FlightApp::new(volume.clone(), Arc::clone(&lumen), plan, scene).unwrap()
+        };
+        let scene = Scene { operator: true, ..Scene::guided_by("path") };
+        let mut flight = fly(scene.clone());
+        flight.commands.start();
+        let bad = f64::NAN;
+        let all: [Command; 8] = [
+            HandCommand::Push([bad, f64::INFINITY, 0.5]).into(),
+            HandCommand::Turn([0.2, bad, 0.0]).into(),
+            HandCommand::Look([bad, 0.0]).into(),
+            HandCommand::Roll(f64::INFINITY).into(),
+            HandCommand::Speed(bad).into(),
+            FlightCommand::Seek(bad).into(),
+            FlightCommand::ViewAngle(f64::INFINITY).into(),
+            FlightCommand::ViewAngle(bad).into(),
+        ];
+        for command in all {
+            flight.act(command).unwrap();
+            flight.step().unwrap();
+        }
+        let beyond = FlightCommand::Go { to: [bad; 3], forward: [0.0, 1.0, 0.0], up: [0.0, 0.0, 1.0] };
+        assert!(flight.act(beyond).is_err());
+        let recorded = flight.commands.recorded().to_vec();
+        assert_eq!(recorded.len(), 4, "{recorded:?}");
+        let text = serde_json::to_string(&recorded.iter().map(|c| &c.command).collect::<Vec<_>>()).unwrap();
+        assert!(!text.contains("null"), "{text}");
+
+        let mut again = fly(scene);
+        again.commands.replay(recorded);
+        for _ in 0..8 {
+            again.step().unwrap();
+        }
+        assert_eq!(again.pose(), flight.pose());
     }
 }

@@ -14,9 +14,11 @@ use crate::app::{FlightApp, Scan, Scene, Timings};
 use crate::cli::Program;
 use crate::cli::args::{FlyArgs, Global};
 use crate::cli::prepare;
+use crate::cli::values::Point;
+use crate::components::input::HandCommand;
 use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
-use crate::host::window::{self, Resume};
+use crate::host::window::{self, Asked, Resume};
 use crate::polyps::detectors;
 use crate::progress::Progress;
 
@@ -39,16 +41,21 @@ pub(crate) fn fly(
     let first = opening(args, global, scene, &timings, Rc::clone(&flown))?;
     let (own_timings, own_flown) = (Arc::clone(&timings), Rc::clone(&flown));
     let (own_program, own_args, own_global) = (program.clone(), args.clone(), global.clone());
-    let open = move |input: PathBuf, series: Option<usize>, is_flying: bool| {
+    let open = move |asked: Asked| {
+        let Asked { input, series, is_flying, is_whole } = asked;
         // The files that were asked for are those of the first scan that is flown.
         let is_first = !is_flying && !own_flown.get();
-        let args = for_another(own_args.clone(), input, is_first);
-        let global = Global { series, ..own_global.clone() };
+        let mut args = for_another(own_args.clone(), input, is_first);
+        let mut global = Global { series, ..own_global.clone() };
+        if is_whole {
+            (args.guide, args.from, global.cleanse) = (Some(WHOLE.to_owned()), Some(Point::Rectum), true);
+        }
         let scene = super::scene(&own_program, &args, &global, Screen::Window)?;
-        match is_first {
+        let opening = match is_first {
             true => opening(&args, &global, scene, &own_timings, Rc::clone(&own_flown)),
             false => opening(&args, &global, scene, &Arc::default(), Rc::default()),
-        }
+        }?;
+        Ok(if is_whole { whole(opening) } else { opening })
     };
     let launch = window::Launch {
         first,
@@ -69,6 +76,26 @@ pub(crate) fn fly(
     })
 }
 
+/// The guide that reads the whole colon.
+const WHOLE: &str = "path";
+/// The speed at which it is read, mm/s: slow enough to look at every fold, as readers fly it.
+const READING_MM_S: f64 = 20.0;
+
+/// The opening of a scan whose whole colon is read, at the speed of reading.
+fn whole(opening: window::Opening) -> window::Opening {
+    let prepare = opening.prepare;
+    let prepare: window::Prepare = Box::new(move |progress| {
+        let mut ready = prepare(progress)?;
+        let cruise = ready.flight.setup().scene.cruise_mm_s();
+        if cruise > READING_MM_S {
+            // To nine digits, as the operator's input is recorded.
+            ready.flight.act(HandCommand::Speed((READING_MM_S / cruise * 1e9).round() / 1e9))?;
+        }
+        Ok(ready)
+    });
+    window::Opening { prepare, ..opening }
+}
+
 /// Checks that a flight has written the files that were asked for.
 ///
 /// # Errors
@@ -86,9 +113,8 @@ fn all_written(args: &FlyArgs, is_flown: bool) -> Result<()> {
 
 /// The arguments for another scan: what belongs to one flight alone stays with the first that is flown, its files and its length, and
 /// what belongs to one scan with that, its place and its answers.
-fn for_another(args: FlyArgs, input: PathBuf, is_first: bool) -> FlyArgs {
+fn for_another(args: FlyArgs, input: Option<PathBuf>, is_first: bool) -> FlyArgs {
     if is_first {
-        let input = Some(input);
         let own = FlyArgs { from: None, to: None, reverse: false, answers: None, ..args };
         return FlyArgs { input, replay: None, play: None, rate: None, ..own };
     }
@@ -123,7 +149,7 @@ fn for_another(args: FlyArgs, input: PathBuf, is_first: bool) -> FlyArgs {
         overlay,
     } = args;
     FlyArgs {
-        input: Some(input),
+        input,
         headless,
         guide,
         fps,
@@ -187,6 +213,7 @@ fn opening(
         }
         *kept.lock().unwrap_or_else(PoisonError::into_inner) = scan.timings().clone();
         let mut flight = made?;
+        flight.setup().scene.image.settings.light.prepare(&flight.setup().volume);
         if let Some(commands) = commands {
             flight.commands.replay(commands);
         }
@@ -244,7 +271,7 @@ mod tests {
                     --coverage --review --answers a.json --coverage-mesh m.ply --record-input i --replay r --scene s.toml \
                     --reverse --layout slices --detector shape --overlay mines";
         let before = Program::default().parse(line.split_whitespace()).unwrap().fly;
-        let args = for_another(before.clone(), PathBuf::from("b.nii"), false);
+        let args = for_another(before.clone(), Some(PathBuf::from("b.nii")), false);
         assert!(args.input == Some(PathBuf::from("b.nii")) && args.scene == before.scene && !args.reverse);
         // Of all files, only the scene is read, and none is written.
         let none = FlyArgs { input: args.input.clone(), scene: args.scene.clone(), ..FlyArgs::default() };
@@ -252,7 +279,7 @@ mod tests {
         assert!(!args.review && !args.coverage && args.from.is_none() && args.to.is_none() && args.seconds.is_none());
         assert_eq!((args.guide, args.size, args.layout), (before.guide.clone(), before.size, before.layout.clone()));
         assert_eq!((args.detector, args.overlay), (before.detector.clone(), before.overlay.clone()));
-        assert!(covering(&for_another(before, PathBuf::new(), false), &Global::default()).unwrap().is_none());
+        assert!(covering(&for_another(before, None, false), &Global::default()).unwrap().is_none());
     }
 
     #[test]
@@ -292,7 +319,7 @@ mod tests {
             answers: Some(PathBuf::from("a.json")),
             ..FlyArgs::default()
         };
-        let args = for_another(before.clone(), PathBuf::from("b.nii"), true);
+        let args = for_another(before.clone(), Some(PathBuf::from("b.nii")), true);
         assert!(args.log == before.log && args.stats == before.stats && args.answers.is_none());
         assert_eq!(args.input, Some(PathBuf::from("b.nii")));
         assert!(all_written(&before, true).is_ok() && all_written(&FlyArgs::default(), false).is_ok());

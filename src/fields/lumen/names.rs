@@ -1,8 +1,8 @@
 //! Names of the colon's parts along its way from rectum to cecum.
 //!
 //! The two flexures are the highest places on the left and on the right; around each, the part is called a flexure as long as the
-//! way bends. The descending colon begins where the way turns upwards in the left flank, and the rectum ends where the way leaves
-//! the hollow of the sacrum. Each junction has an uncertainty: half the distance between where a strict and a lenient threshold put
+//! way bends. The descending colon begins where the way turns upwards in the left flank, or rises above the pelvis there if that comes
+//! first, and the rectum ends where the way leaves the hollow of the sacrum. Each junction has an uncertainty: half the distance between where a strict and a lenient threshold put
 //! it, and no less than the coarse map's.
 
 use std::ops::Range;
@@ -218,7 +218,18 @@ impl Course<'_> {
             let steep = down(upright, &|n| self.slope(n) < limit);
             down(steep, &|n| self.slope(n) >= limit)
         };
-        let descending = self.between(foot, DESCENDING);
+        let mut descending = self.between(foot, DESCENDING);
+        // In the flank above the pelvis it is the descending colon, whatever its course: it may lie in loops.
+        if let Some(crest) = self.body.pelvis {
+            let mut n = upright;
+            while n > lowest && in_flank(n) && self.way[n].0.z > crest {
+                n -= 1;
+            }
+            let apart = descending.0 - self.way[n].1;
+            if apart > 0.0 {
+                descending = (self.way[n].1, descending.1.max(0.5 * apart));
+            }
+        }
         // The rectum ends where the way turns forward most, within its usual length.
         let sharpest = RECTUM_MM[1] * scale;
         let sigmoid = (sharpest.min(descending.0), 0.25 * (RECTUM_MM[2] - RECTUM_MM[0]) * scale);

@@ -9,6 +9,7 @@ use super::controller::FlightController;
 use super::keys::{Chord, Hold};
 use super::own_action::{ActionEntry, OwnState};
 use super::panels::{AssistInput, PanelEntry};
+use super::printed::Printed;
 use super::workspace::LAYOUTS;
 use crate::app::Overlay;
 use crate::app::catalog::taken;
@@ -29,6 +30,8 @@ pub(crate) struct Action {
     row: Cow<'static, str>,
     /// Its keys.
     keys: Vec<Chord>,
+    /// The names of these keys on the reader's keyboard.
+    shown: Vec<String>,
     /// The same keys with Shift: a key pressed as `,` may be released as `<`.
     shifted: Vec<Chord>,
     /// The mouse gesture for it.
@@ -84,6 +87,8 @@ pub(crate) enum WindowRequest {
     Help,
     /// Show or hide the list of scans to open.
     Open,
+    /// Open the scan anew, for one flight through the whole colon.
+    Whole,
     /// Show or hide the kinds of gas in the slices, and their panel.
     Kinds,
     /// Paint or stop painting what of the wall was not seen, and show or hide its panel.
@@ -224,6 +229,11 @@ const TABLE: &[Row] = &[
         ..once("reverse", "turn round and fly back", "R B Backspace", FlightController::reverse)
     },
     Row { possible: flies_itself, ..once("next", "fly to the next segment", "T", FlightController::next_segment) },
+    Row {
+        effect: Effect::Window(WindowRequest::Whole),
+        possible: flies_itself,
+        ..once("whole", "read the whole colon: one flight from the rectum, tag taken out", "J", |_, _| {})
+    },
     Row { possible: flies_itself, ..once("other-end", "start from the other end", "E", FlightController::other_end) },
     Row {
         possible: flies_itself,
@@ -236,6 +246,7 @@ const TABLE: &[Row] = &[
         gesture: "click on the bar",
         ..ROW
     },
+    once("figures", "figures: time of a picture, clearance, detail", "", FlightController::switch_figures),
     once("detail", "detail: high or low", "I", FlightController::switch_detail),
     once("light", "light: endoscope or headlight", "L", FlightController::switch_light),
     Row { possible: has_both_scans, ..once("tag", "tag: taken out, or as scanned", "X", FlightController::switch_tag) },
@@ -389,7 +400,7 @@ const OWN: &str = "";
 /// The menus: actions by their ids. An id that ends in `-` includes all ids with that prefix.
 pub(crate) const MENUS: &[(&str, &[&str])] = &[
     ("File", &["open", "screenshot", "quit"]),
-    ("Flight", &["pause", "guide", "guide-", "reverse", "next", "other-end", "faster", "slower", OWN]),
+    ("Flight", &["pause", "guide", "guide-", "reverse", "whole", "next", "other-end", "faster", "slower", OWN]),
     (
         "View",
         &[
@@ -403,6 +414,7 @@ pub(crate) const MENUS: &[(&str, &[&str])] = &[
             "missed-next",
             "review",
             "overlay-",
+            "figures",
             "fullscreen",
         ],
     ),
@@ -424,6 +436,7 @@ impl From<&Row> for Action {
             text: if r.text.is_empty() { r.row.into() } else { r.text.into() },
             row: r.row.into(),
             keys: chords(r.keys),
+            shown: Vec::new(),
             shifted: chords(r.shifted),
             gesture: r.gesture,
             repeats: r.repeats,
@@ -442,7 +455,7 @@ impl Action {
 
     /// Returns its first key, for a menu.
     pub(crate) fn key_text(&self) -> String {
-        self.keys.first().map(Chord::to_string).unwrap_or_default()
+        self.shown.first().cloned().unwrap_or_default()
     }
 
     /// Returns its description, for a menu or a button.
@@ -564,7 +577,13 @@ impl Actions {
         }
         let actions = Self(all);
         actions.check()?;
-        Ok(actions)
+        Ok(actions.on(&Printed::default()))
+    }
+
+    /// Returns the same actions with their keys named as a keyboard prints them.
+    pub(crate) fn on(&self, keyboard: &Printed) -> Self {
+        let named = |a: &Action| Action { shown: a.keys.iter().map(|k| k.on(keyboard)).collect(), ..a.clone() };
+        Self(self.0.iter().map(named).collect())
     }
 
     /// Checks that each key has one action.
@@ -659,7 +678,7 @@ impl Actions {
         }
         let mut groups = vec![Group { title: "Steer".to_owned(), rows: steer }];
         let row = |a: &Action| {
-            let keys = a.keys.iter().map(Chord::to_string).chain(Some(a.gesture.to_owned()).filter(|g| !g.is_empty()));
+            let keys = a.shown.iter().cloned().chain(Some(a.gesture.to_owned()).filter(|g| !g.is_empty()));
             HelpRow { keys: keys.collect::<Vec<_>>().join(", "), text: a.text.to_string(), id: Some(a.id.to_string()) }
         };
         let mut listed: Vec<&str> = Vec::new();
@@ -704,8 +723,7 @@ impl Actions {
         let keys = |all: &[&Action]| {
             // Opposite keys side by side: "W S, Up Down".
             let most = all.iter().map(|a| a.keys.len()).max().unwrap_or(0);
-            let of =
-                |n: usize| all.iter().filter_map(|a| a.keys.get(n)).map(Chord::to_string).collect::<Vec<_>>().join(" ");
+            let of = |n: usize| all.iter().filter_map(|a| a.shown.get(n)).cloned().collect::<Vec<_>>().join(" ");
             let gestures = all.iter().map(|a| a.gesture.to_owned()).filter(|g| !g.is_empty());
             (0..most).map(of).chain(gestures).collect::<Vec<_>>().join(", ")
         };

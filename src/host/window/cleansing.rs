@@ -99,6 +99,7 @@ impl Cleansing {
         let pool =
             pool.build().map_err(|e| Error::fault("threads", e.to_string(), "use fewer --threads").caused_by(e))?;
         let (volume, lumen, known) = (volume.clone(), Arc::clone(lumen), cleansed.clone());
+        let light = scene.image.settings.light;
         let work = move |progress: &Arc<Progress>| {
             let cleansed = match known {
                 // Its changes hold the values that the scan had.
@@ -107,7 +108,9 @@ impl Cleansing {
             };
             let other = (!cleansed.changes.is_empty()).then(|| {
                 let part = boxed(volume.voxels(), &lumen, &cleansed.changes);
-                volume.with_voxels(Arc::new(part))
+                let other = volume.with_voxels(Arc::new(part));
+                light.prepare(&other);
+                other
             });
             Ok(Found { other, cleansed })
         };

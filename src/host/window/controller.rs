@@ -31,7 +31,7 @@ use super::moving::Moving;
 use super::overlay::{HudState, Severity};
 use super::overlays::Overlays;
 use super::panels::FlightInput;
-use super::place::{Bar, Chosen, Place};
+use super::place::{Bar, Chosen, Place, which_segment};
 use super::screenshot;
 use super::screenshot_renderer::{Traced, WakeUp};
 use super::seen::Seen;
@@ -499,6 +499,7 @@ impl FlightController {
         match id {
             "pause" => self.hand().paused,
             "measure" => self.measures.is_on(),
+            "figures" => self.figures.are_all(),
             "measure-lesion" => self.measures_lesions(),
             _ => false,
         }
@@ -643,6 +644,17 @@ impl FlightController {
         self.flight.act(pointing::go_to(Pose { position: chosen.at, attitude: Attitude::new(chosen.forward, up) }))
     }
 
+    /// Names keys as these actions do from now on.
+    pub(crate) fn name_keys_by(&mut self, actions: Rc<Actions>) {
+        self.actions = actions;
+    }
+
+    /// Shows or hides the figures that only a developer needs.
+    pub(crate) fn switch_figures(&mut self, ActionContext { now, .. }: ActionContext) {
+        let what = if self.figures.switch_all() { "all figures" } else { "speed and guide alone" };
+        self.say(what, now);
+    }
+
     /// Switches between high and low detail.
     pub(crate) fn switch_detail(&mut self, ActionContext { now, .. }: ActionContext) {
         if let Some(quality) = self.view_renderer.switch_detail(&mut self.flight) {
@@ -671,7 +683,7 @@ impl FlightController {
         self.act(FlightCommand::Segment(next), now);
         let ml = self.flight.setup().lumen.segments[next].ml;
         if self.flight.setup().plan.segment == Some(next) {
-            self.say(format!("segment {} of {count}: {ml:.0} ml", next + 1), now);
+            self.say(format!("{}: {ml:.0} ml", which_segment(next, count)), now);
         }
     }
 
@@ -829,7 +841,7 @@ impl FlightController {
             directions: Directions::of(&self.flight.pose().attitude),
             bar: self.bar(),
             // Until the measure along the colon is known, the distance flown: its length is approximate, so it is rounded.
-            place: self.place.text().unwrap_or_else(|| {
+            place: self.place.text(&self.flight).unwrap_or_else(|| {
                 let mm =
                     format!("{:.0} of about {:.0} mm", (along / 10.0).round() * 10.0, (length / 10.0).round() * 10.0);
                 self.figures.part().map_or(mm.clone(), |part| format!("{part}, {mm}"))
@@ -853,6 +865,8 @@ impl FlightController {
     fn state(&self, state: &State) -> (String, Severity) {
         let (text, severity) = match state {
             State::Operator => ("operator needed", Severity::Alert),
+            // Who flies by hand goes on after an arrival.
+            State::Arrived if self.is_by_hand() => ("manual", Severity::Notice),
             State::Arrived => ("arrived", Severity::Normal),
             State::Ended => ("time is over", Severity::Normal),
             State::Flying if self.hand().paused => ("paused", Severity::Notice),

@@ -1,4 +1,4 @@
-//! Frame time, speed and clearance, averaged over a moment and updated at a readable rate.
+//! Speed and guide, and for developers frame time, clearance and detail, averaged over a moment and updated at a readable rate.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -21,6 +21,10 @@ pub(crate) struct Figures {
     since: Instant,
     /// Number of images counted already.
     counted: usize,
+    /// True if those that only a developer needs are shown, too.
+    are_all: bool,
+    /// The figures that only a developer needs: time of a picture, clearance and detail.
+    own: [String; 3],
     lines: Vec<String>,
     /// Position along the path, per mille.
     per_mille: u32,
@@ -36,12 +40,26 @@ impl Figures {
         Self {
             since: now,
             counted: 0,
-            lines: vec![String::new(); 4],
+            are_all: false,
+            own: Default::default(),
+            lines: Vec::new(),
             per_mille: 0,
             names: None,
             part: None,
             stale: true,
         }
+    }
+
+    /// Shows or hides the figures that only a developer needs. Returns true if they are shown.
+    pub(crate) fn switch_all(&mut self) -> bool {
+        (self.are_all, self.stale) = (!self.are_all, true);
+        self.lines.clear();
+        self.are_all
+    }
+
+    /// True if the figures that only a developer needs are shown.
+    pub(crate) fn are_all(&self) -> bool {
+        self.are_all
     }
 
     /// Marks the figures as changed.
@@ -81,7 +99,7 @@ impl Figures {
     pub(crate) fn read(&mut self, flight: &FlightApp, view_renderer: &ViewRenderer, now: Instant) -> &[String] {
         self.stale |= view_renderer.frames().len() > self.counted;
         let elapsed = now.saturating_duration_since(self.since);
-        if !self.stale || (elapsed < READ_EVERY && !self.lines[0].is_empty()) {
+        if !self.stale || (elapsed < READ_EVERY && !self.lines.is_empty()) {
             return &self.lines;
         }
         let new = view_renderer.frames().get(self.counted..).unwrap_or_default();
@@ -93,7 +111,7 @@ impl Figures {
             let ImageSize { width, height } = detail.map_or(ImageSize::default(), |d| d.size);
             // A rate is meaningless for a still picture.
             let rate = detail.and_then(refined).unwrap_or_else(|| format!("{fps:.0} fps"));
-            self.lines[0] = format!("{ms:.0} ms, {rate} ({width}x{height})");
+            self.own[0] = format!("{ms:.0} ms, {rate} ({width}x{height})");
         }
         self.name(flight);
         self.per_mille = (flight.survey().progress().0 * 1000.0).round() as u32;
@@ -101,19 +119,22 @@ impl Figures {
         let hand: Hand = flight.camera().copied().unwrap_or_default();
         let speed = flight.camera::<Velocity>().map_or(0.0, |v| v.0.length());
         let cruise = flight.setup().scene.cruise_mm_s() * hand.speed;
-        self.lines[1] = format!("speed {speed:.0} mm/s (cruise {cruise:.0})");
         let clearance = flight.camera::<Contact>().map_or(0.0, |c| c.clearance_mm);
         // Beyond the finder's reach a clearance is a lower bound.
         let bound = if clearance > 10.0 { "over 10".to_owned() } else { format!("{clearance:.1}") };
-        self.lines[2] = format!("clearance {bound} mm");
-        let quality = quality_of(flight).unwrap_or_default();
+        self.own[1] = format!("clearance {bound} mm");
+        self.own[2] = format!("detail {}", detail(quality_of(flight).unwrap_or_default()));
         let usual = flight.setup().scene.image.fov_degrees;
         let other = flight.camera::<Picture>().map(|p| p.fov_degrees).filter(|&d| d != usual);
         let view = other.map_or_else(String::new, |d| format!(", view {}", angle(d)));
-        self.lines.truncate(4);
+        self.lines.clear();
+        self.lines.push(format!("{speed:.0} mm/s (cruise {cruise:.0})"));
+        self.lines.push(format!("guide {}{view}", flight.setup().scene.guide_name()));
+        if self.are_all {
+            self.lines.extend(self.own.iter().filter(|l| !l.is_empty()).cloned());
+        }
         let slow = flight.app().inspect().plugin_times().into_iter().filter(PluginTime::is_slow);
         self.lines.extend(slow.map(|p| p.text()));
-        self.lines[3] = format!("guide {}, detail {}{view}", flight.setup().scene.guide_name(), detail(quality));
         &self.lines
     }
 }

@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 use winit::keyboard::{Key, NamedKey};
 
+use super::printed::Printed;
 use crate::error::{Error, Result};
 
 /// A key with or without Ctrl (on a Mac also Command). Letters stand for both of their cases.
@@ -62,6 +63,18 @@ impl Chord {
             _ => return None,
         };
         Some(Self { control, key })
+    }
+}
+
+impl Chord {
+    /// Returns its name on a keyboard, by what the key prints there.
+    pub(crate) fn on(&self, keyboard: &Printed) -> String {
+        let mut letters = self.key.chars();
+        let one = letters.next().filter(|_| letters.next().is_none());
+        match one.and_then(|key| keyboard.instead_of(key)) {
+            Some(key) => Self { control: self.control, key: key.to_string() }.to_string(),
+            None => self.to_string(),
+        }
     }
 }
 

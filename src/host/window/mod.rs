@@ -31,6 +31,7 @@ mod place;
 mod placement;
 pub(crate) mod plane;
 mod present_timer;
+mod printed;
 mod recent;
 mod screen;
 mod screenshot;
@@ -173,6 +174,20 @@ pub(crate) struct Shown {
     pub assistant: Option<assistant::Took>,
 }
 
+/// What a reader asks to be opened.
+#[derive(Clone, Debug)]
+pub(crate) struct Asked {
+    /// Path of the scan; `None` for the embedded phantom.
+    pub input: Option<PathBuf>,
+    /// A series in a folder that holds several.
+    pub series: Option<usize>,
+    /// True if a scan is flown already: the files that were asked for are its own.
+    pub is_flying: bool,
+    /// One flight through the whole colon, from the rectum along the centerline, with the tag taken out; otherwise the flight that the
+    /// command line asks for.
+    pub is_whole: bool,
+}
+
 /// A scan to open in a window.
 pub(crate) struct Opening {
     /// Path of the scan; `None` for the embedded phantom.
@@ -195,8 +210,8 @@ pub(crate) struct Opening {
 pub(crate) struct Launch {
     /// The scan to open first.
     pub first: Opening,
-    /// Opens another scan. The number selects a series in a folder that holds several.
-    pub open: Box<dyn Fn(PathBuf, Option<usize>, bool) -> Result<Opening>>,
+    /// Opens another scan, or the same in another way.
+    pub open: Box<dyn Fn(Asked) -> Result<Opening>>,
     /// Size of the window in pixels; a default size if `None`.
     pub size: Option<ImageSize>,
     /// Overlays available for the picture.

@@ -1,6 +1,9 @@
 //! Systems without X servers have no windows of theirs.
 
+use winit::keyboard::KeyCode;
 use winit::window::Window;
+
+use super::printed::Printing;
 
 use crate::render::ImageSize;
 
@@ -25,6 +28,11 @@ impl XPixels {
     ) -> Result<T, String> {
         match *self {}
     }
+}
+
+/// Returns `None`: no server tells what keys print.
+pub(crate) fn printed(_: &Window) -> Option<Vec<(KeyCode, Printing)>> {
+    None
 }
 
 /// Returns false: there is no display that could be lost.

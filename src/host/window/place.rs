@@ -9,7 +9,9 @@ use glam::DVec3;
 use super::job::Job;
 use super::screenshot_renderer::WakeUp;
 use crate::app::{FlightApp, Setup};
+use crate::components::flight::State;
 use crate::error::Result;
+use crate::fields::lumen::Part;
 use crate::fields::{Along, AlongColon, Lumen};
 use crate::progress::Progress;
 
@@ -17,6 +19,10 @@ use crate::progress::Progress;
 const LOOKS: Duration = Duration::from_millis(250);
 /// Two places farther apart than this along the line are not joined by a flight between them, mm.
 const STRIDE_MM: f64 = 40.0;
+/// Less of a part than this is no reason to go back to it, mm: the ends of a flight stay short of the ends of the colon.
+const WORTH_MM: f64 = 60.0;
+/// The shortest stretch without gas that is told, mm.
+const GAP_MM: f64 = 10.0;
 /// Stretches nearer than this are one, mm.
 const TOUCHING_MM: f64 = 5.0;
 
@@ -151,9 +157,18 @@ impl Place {
         Some(Chosen { at, forward, segment, is_guessed })
     }
 
+    /// Returns what of the colon was not read, once a flight has arrived: "not read: rectum, sigmoid (380 mm)". `None` if nothing is
+    /// left, or the measure is not known.
+    fn unread(&self, flight: &FlightApp) -> Option<String> {
+        let along = self.whole(flight).filter(|_| flight.flight().state == State::Arrived)?;
+        unread(along.length_mm(), &self.read, along.guessed(), along.parts())
+    }
+
     /// Returns the part of the colon around the camera, and "840 of 2050 mm": the distance from the rectum and the length of the
     /// whole colon. `None` if the measure is not known yet, or no line leads from the rectum to the cecum.
-    pub(crate) fn text(&self) -> Option<String> {
+    ///
+    /// Once the flight has arrived, what of the colon was not read follows.
+    pub(crate) fn text(&self, flight: &FlightApp) -> Option<String> {
         let (Some((_, Known::Yes(along))), Some(at)) = (&self.flown, self.at) else { return None };
         let length = along.length_mm();
         if !along.is_whole() {
@@ -162,8 +177,52 @@ impl Place {
         let round = |mm: f64| (mm / 10.0).round() * 10.0;
         let guessed = if at.is_guessed { ", a guess" } else { "" };
         let part = at.part.map_or_else(String::new, |p| format!("{p}, "));
-        Some(format!("{part}{:.0} of {:.0} mm{guessed}", round(at.mm), round(length)))
+        let unread = self.unread(flight).map_or_else(String::new, |u| format!("; {u}"));
+        Some(format!("{part}{:.0} of {:.0} mm{guessed}{unread}", round(at.mm), round(length)))
     }
+}
+
+/// Returns what of a colon was not flown, for its reader: the parts with more than [`WORTH_MM`] of it, and the stretches without gas,
+/// which no flight shows. `None` if nothing is left.
+fn unread(length_mm: f64, read: &[[f64; 2]], guessed: &[[f64; 2]], parts: &[Part]) -> Option<String> {
+    let shared = |a: [f64; 2], b: [f64; 2]| (a[1].min(b[1]) - a[0].max(b[0])).max(0.0);
+    let of = |stretches: &[[f64; 2]], within: [f64; 2]| stretches.iter().map(|s| shared(*s, within)).sum::<f64>();
+    let (mut names, mut left) = (Vec::new(), 0.0);
+    for part in parts {
+        let within = [part.from_mm, part.to_mm.min(length_mm)];
+        // A guess is not flown, but it is told by itself.
+        let gas = within[1] - within[0] - of(guessed, within);
+        let flown = read
+            .iter()
+            .map(|r| shared(*r, within) - of(guessed, [r[0].max(within[0]), r[1].min(within[1])]))
+            .sum::<f64>();
+        if gas - flown > WORTH_MM {
+            names.push(part.name);
+            left += gas - flown;
+        }
+    }
+    let mut told = Vec::new();
+    if !names.is_empty() {
+        told.push(format!("not read: {} ({:.0} mm)", names.join(", "), (left / 10.0).round() * 10.0));
+    }
+    for stretch in guessed.iter().filter(|g| g[1] - g[0] >= GAP_MM) {
+        let middle = (stretch[0] + stretch[1]) * 0.5;
+        let name = parts.iter().find(|p| p.to_mm >= middle).map_or("colon", |p| p.name);
+        told.push(format!("{name} without gas for {:.0} mm: read it in slices", stretch[1] - stretch[0]));
+    }
+    (!told.is_empty()).then(|| told.join("; "))
+}
+
+/// Names a segment by its place among all of them, "2nd of 3 segments": files number them from 0.
+pub(super) fn which_segment(index: usize, count: usize) -> String {
+    let n = index + 1;
+    let ending = match (n % 10, n % 100) {
+        (1, r) if r != 11 => "st",
+        (2, r) if r != 12 => "nd",
+        (3, r) if r != 13 => "rd",
+        _ => "th",
+    };
+    format!("{n}{ending} of {count} segments")
 }
 
 /// Adds a stretch to those that are apart and in order.
@@ -189,6 +248,30 @@ mod tests {
     use crate::app::{FlightRequest, OpenOptions, Scan, Scene};
     use crate::host::window::controller::tests::{cockpit_of, trace};
     use crate::phantom::{Phantom, PhantomSettings};
+
+    #[test]
+    fn segments_are_named_by_their_place_among_all() {
+        let all =
+            [0, 1, 2, 3, 10, 11, 12, 20, 21, 110].map(|n| which_segment(n, 200).split(' ').next().unwrap().to_owned());
+        assert_eq!(all, ["1st", "2nd", "3rd", "4th", "11th", "12th", "13th", "21st", "22nd", "111th"]);
+    }
+
+    #[test]
+    fn what_was_not_read_is_told_by_its_parts() {
+        let ends =
+            [("rectum", 0.0, 150.0), ("sigmoid", 150.0, 500.0), ("descending", 500.0, 800.0), ("cecum", 800.0, 900.0)];
+        let parts = ends.map(|(name, from_mm, to_mm)| Part { name, from_mm, to_mm, uncertainty_mm: 0.0 });
+        let told = |read: &[[f64; 2]], guessed: &[[f64; 2]]| unread(900.0, read, guessed, &parts);
+        assert_eq!(told(&[[10.0, 880.0]], &[]), None);
+        assert_eq!(told(&[[450.0, 880.0]], &[]).unwrap(), "not read: rectum, sigmoid (450 mm)");
+        assert_eq!(told(&[[0.0, 300.0], [600.0, 900.0]], &[]).unwrap(), "not read: sigmoid, descending (300 mm)");
+        let gap = "sigmoid without gas for 42 mm: read it in slices";
+        assert_eq!(told(&[[0.0, 900.0]], &[[300.0, 342.0], [600.0, 604.0]]).unwrap(), gap);
+        assert_eq!(
+            told(&[], &[[300.0, 342.0]]).unwrap(),
+            format!("not read: rectum, sigmoid, descending, cecum (860 mm); {gap}")
+        );
+    }
 
     #[test]
     fn stretches_that_touch_are_one() {

@@ -25,13 +25,14 @@ use super::panels::open::FileList;
 use super::panels::{Context, Request, Requests, SeenInput, refuse_action};
 use super::placement::Placement;
 use super::present_timer::PresentTimer;
+use super::printed::Printed;
 use super::recent::Recent;
 use super::screenshot_renderer::WakeUp;
 use super::session::{ScanFiles, Session};
 use super::sheet::{self, Sheet};
 use super::stroke::{Pressed, Stroke};
 use super::workspace::{Workspace, scan_name};
-use super::{Finish, Launch, Opening, Resume, Shown};
+use super::{Asked, Finish, Launch, Opening, Resume, Shown};
 use crate::app::Overlay;
 use crate::components::slices::Orientation;
 use crate::error::{Error, Result, program_name};
@@ -119,7 +120,7 @@ pub(crate) struct Shell {
     opening: Option<PathBuf>,
     /// The number of the series that was asked for.
     series: Option<usize>,
-    open: Box<dyn Fn(PathBuf, Option<usize>, bool) -> Result<Opening>>,
+    open: Box<dyn Fn(Asked) -> Result<Opening>>,
     /// True if this is the scan that the window was opened with.
     is_first: bool,
     recent: Recent,
@@ -132,6 +133,8 @@ pub(crate) struct Shell {
     overlays: Vec<Overlay>,
     detector: Detector,
     actions: Rc<Actions>,
+    /// What the keyboard prints.
+    printed: Printed,
     /// The error in the settings file.
     unsettled: Option<Error>,
     outcome: Result<()>,
@@ -211,6 +214,7 @@ impl Shell {
             overlays: launch.overlays,
             detector: launch.detector,
             actions: Rc::new(actions),
+            printed: Printed::default(),
             unsettled,
             outcome: Ok(()),
         })
@@ -304,7 +308,13 @@ impl Shell {
             self.touched = true;
             return;
         }
-        let opening = match (self.open)(path, series, matches!(self.stage, Stage::Flying(_))) {
+        let is_flying = matches!(self.stage, Stage::Flying(_));
+        self.open_asked(Asked { input: Some(path), series, is_flying, is_whole: false }, events);
+    }
+
+    /// Opens a scan instead of the open one.
+    fn open_asked(&mut self, asked: Asked, events: &ActiveEventLoop) {
+        let opening = match (self.open)(asked) {
             Ok(opening) => opening,
             Err(e) => {
                 match &mut self.stage {
@@ -477,6 +487,9 @@ impl Shell {
         }
         let actions = Rc::clone(&self.actions);
         let stroke = Stroke::of(event, self.modifiers, self.controls());
+        if pressed && self.printed.learn(&stroke) {
+            self.name_keys();
+        }
         let Some(chord) = stroke.chord(|c| actions.of_key(c).is_some()) else { return };
         // A released key is always let go, whatever modifiers are held.
         let action = actions.of_key(&chord).or_else(|| actions.of_key(&chord.plain()).filter(|_| !pressed));
@@ -720,6 +733,18 @@ impl Shell {
         }
     }
 
+    /// Asks what the keyboard prints, and names keys by it.
+    fn name_keys(&mut self) {
+        if let Some(window) = &self.window {
+            self.printed.ask(window);
+        }
+        self.actions = Rc::new(self.actions.on(&self.printed));
+        if let Stage::Flying(c) = &mut self.stage {
+            c.name_keys_by(Rc::clone(&self.actions));
+        }
+        self.touched = true;
+    }
+
     fn run_window(&mut self, request: WindowRequest, events: &ActiveEventLoop) {
         match request {
             WindowRequest::Quit => match &self.stage {
@@ -736,6 +761,10 @@ impl Shell {
             },
             WindowRequest::Fullscreen => self.switch_fullscreen(),
             WindowRequest::Open => self.workspace.switch_named("open"),
+            WindowRequest::Whole => {
+                let asked = Asked { input: self.opening.clone(), series: self.series, is_flying: true, is_whole: true };
+                self.open_asked(asked, events);
+            }
             WindowRequest::Kinds => {
                 if let Stage::Flying(c) = &mut self.stage {
                     let shown = !c.kinds().is_shown();
@@ -869,6 +898,7 @@ impl ApplicationHandler<Wake> for Shell {
                 let window = framebuffer.window();
                 self.input = Some(input_of(&self.interface, &window, events));
                 self.window = Some(window);
+                self.name_keys();
                 match &mut self.stage {
                     Stage::Flying(c) => {
                         let camera = c.flight().app().camera_id();

@@ -35,6 +35,22 @@ impl Stroke {
         }
     }
 
+    /// Returns the place of a key that was pressed without modifiers, and what it printed; `None` for other keys.
+    pub(super) fn printed(&self) -> Option<(KeyCode, char)> {
+        let PhysicalKey::Code(code) = self.physical else { return None };
+        let Key::Character(text) = &self.logical else { return None };
+        let mut letters = text.chars().flat_map(char::to_lowercase);
+        let one = letters.next().filter(|_| letters.next().is_none())?;
+        (!self.shift && !self.control && self.logical == self.plain).then_some((code, one))
+    }
+
+    /// A key that prints `text` without modifiers.
+    #[cfg(test)]
+    pub(super) fn typed(code: KeyCode, text: &str) -> Self {
+        let key = Key::Character(text.into());
+        Self { logical: key.clone(), plain: key, physical: code.into(), shift: false, control: false }
+    }
+
     /// Returns the key as actions name it; `None` for keys that no action can have. `has_action` is true for keys with an action.
     pub(crate) fn chord(&self, has_action: impl Fn(&Chord) -> bool) -> Option<Chord> {
         let printed = Chord::of(&self.logical, self.control);
@@ -79,7 +95,7 @@ fn us_character(key: PhysicalKey, shift: bool) -> Option<char> {
 }
 
 /// The characters of a US keyboard, without and with Shift.
-const US: [(KeyCode, char, char); 47] = [
+pub(super) const US: [(KeyCode, char, char); 47] = [
     (KeyCode::Backquote, '`', '~'),
     (KeyCode::Digit1, '1', '!'),
     (KeyCode::Digit2, '2', '@'),

@@ -19,6 +19,7 @@ type Tool = (&'static str, &'static str, &'static str);
 const TOOLS: &[&[Tool]] = &[
     &[
         (icon::PAUSE, "Pause", "pause"),
+        (icon::PATH, "Whole colon", "whole"),
         (icon::ARROW_U_UP_LEFT, "Turn round", "reverse"),
         (icon::REWIND, "", "slower"),
         (icon::FAST_FORWARD, "", "faster"),

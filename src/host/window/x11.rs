@@ -5,6 +5,8 @@
 //! in containers) it cannot send frames that are longer than the server's longest request.
 
 use rayon::prelude::*;
+use winit::keyboard::{KeyCode, PhysicalKey};
+use winit::platform::scancode::PhysicalKeyExtScancode;
 use winit::raw_window_handle::{HasWindowHandle, RawWindowHandle};
 use winit::window::Window;
 use x11rb::connection::{Connection, RequestConnection};
@@ -15,6 +17,9 @@ use x11rb::protocol::xproto::{
 };
 use x11rb::rust_connection::RustConnection;
 
+use xkeysym::Keysym;
+
+use super::printed::Printing;
 use crate::render::ImageSize;
 
 /// Bytes of a request besides its pixels, rounded up.
@@ -35,18 +40,41 @@ pub(crate) struct XPixels {
     bytes: Vec<u8>,
 }
 
+/// Returns what the keys of the server's keyboard print, without and with Shift; `None` if a window is not one of an X server, or if
+/// that does not answer.
+pub(crate) fn printed(window: &Window) -> Option<Vec<(KeyCode, Printing)>> {
+    id_of(window)?;
+    let (connection, _) = RustConnection::connect(None).ok()?;
+    let first = connection.setup().min_keycode;
+    let count = connection.setup().max_keycode.checked_sub(first)?.checked_add(1)?;
+    let mapping = connection.get_keyboard_mapping(first, count).ok()?.reply().ok()?;
+    let keys = mapping.keysyms.chunks_exact(usize::from(mapping.keysyms_per_keycode).max(1));
+    let of = |(n, symbols): (usize, &[u32])| {
+        // Evdev's numbers are lower by 8 than those of X.
+        let code = PhysicalKey::from_scancode((usize::from(first) + n).checked_sub(8)?.try_into().ok()?);
+        let PhysicalKey::Code(code) = code else { return None };
+        let character = |level: usize| Keysym::new(*symbols.get(level)?).key_char();
+        Some((code, [character(0), character(1)]))
+    };
+    Some(keys.enumerate().filter_map(of).collect())
+}
+
+/// Returns the number of a window of an X server; `None` for others.
+fn id_of(window: &Window) -> Option<u32> {
+    match window.window_handle().ok()?.as_raw() {
+        RawWindowHandle::Xlib(handle) => u32::try_from(handle.window).ok(),
+        RawWindowHandle::Xcb(handle) => Some(handle.window.get()),
+        _ => None,
+    }
+}
+
 impl XPixels {
     /// Connects to the display of a window; `None` if that is not one of an X server.
     ///
     /// # Errors
     /// Returns the reason if the server cannot be reached, or if the window has no red, green and blue.
     pub(crate) fn open(window: &Window) -> Option<Result<Self, String>> {
-        let window = match window.window_handle().ok()?.as_raw() {
-            RawWindowHandle::Xlib(handle) => u32::try_from(handle.window).ok()?,
-            RawWindowHandle::Xcb(handle) => handle.window.get(),
-            _ => return None,
-        };
-        Some(Self::connect(window).map_err(|e| e.to_string()))
+        Some(Self::connect(id_of(window)?).map_err(|e| e.to_string()))
     }
 
     fn connect(window: u32) -> Result<Self, Box<dyn std::error::Error>> {

@@ -16,12 +16,13 @@ use glam::Vec3;
 use super::cells::{Cells, Colours};
 use super::directions::{Directions, split};
 use super::fit::gradients;
-use super::rays::{PacketLighting, Rays};
-use crate::render::light::{CONTACT, CONTACT_MM, EXPOSURE, GLOSS, GLOSS_DOUBLINGS, HALF_MM, Light};
+use super::rays::{PacketLighting, Rays, SurroundLanes};
+use crate::render::light::{CONTACT, CONTACT_LEAST, CONTACT_MM, EXPOSURE, FLAT, GLOSS, GLOSS_DOUBLINGS, Light};
 use crate::render::sampler::is_homogeneous;
 use crate::render::shaders::headlight::{AMBIENT, DIFFUSE};
 use crate::render::shaders::{Shader, SurfacePoint, shown};
 use crate::render::transfer::PALETTE_HU;
+use crate::space::surround::LEVELS;
 
 /// If sixteen rays are in more cells than this, the regression is computed for each ray. On AVX-512 that pays off from
 /// four cells on, on AVX2 from eight; a single number is used so that every SIMD level gives the same bits.
@@ -233,13 +234,19 @@ impl Rays<'_> {
     ///
     /// [`light`](crate::render::light) has the formula.
     #[inline(always)]
-    fn lit<S: Simd>(&self, simd: S, lighting: &PacketLighting, facing: f32x16<S>, distance: f32x16<S>) -> f32x16<S> {
+    fn lit<S: Simd>(
+        &self,
+        simd: S,
+        lighting: &PacketLighting<'_>,
+        facing: f32x16<S>,
+        distance: f32x16<S>,
+    ) -> f32x16<S> {
         let one = f32x16::splat(simd, 1.0);
         let Light { falloff, gloss, .. } = lighting.light;
         let mut bright = facing * DIFFUSE + AMBIENT;
         let mut arriving = one;
         if falloff {
-            let d = distance * (1.0 / HALF_MM);
+            let d = distance * (1.0 / lighting.half_mm);
             arriving = one / (d * d + 1.0);
             bright *= arriving * EXPOSURE;
         }
@@ -253,9 +260,16 @@ impl Rays<'_> {
         bright
     }
 
-    /// Darkens rays whose wall has another wall close in front of it.
+    /// Darkens rays whose wall has another wall close in front of it. `to_voxel` turns world directions into voxels.
     #[inline(never)]
-    pub(crate) fn darken<S: Simd>(&self, simd: S, ray: &Directions<S>, light: &mut Sums<S>, lighting: &PacketLighting) {
+    pub(crate) fn darken<S: Simd>(
+        &self,
+        simd: S,
+        ray: &Directions<S>,
+        light: &mut Sums<S>,
+        to_voxel: [Vec3; 3],
+        surround: &[SurroundLanes<'_>; LEVELS],
+    ) {
         simd.vectorize(
             #[inline(always)]
             || {
@@ -267,15 +281,17 @@ impl Rays<'_> {
                 if !wanted.any_true() {
                     return;
                 }
-                let share = wanted.select(one / wanted.select(square, one).sqrt(), zero) * CONTACT_MM;
-                let before = n.map(|n| n * share);
+                let unit = wanted.select(one / wanted.select(square, one).sqrt(), zero);
+                let n = n.map(|n| n * unit);
+                let before = to_voxel.map(|row| n[0] * row.x + n[1] * row.y + n[2] * row.z);
                 let at = ray.at_each(self.origin, light.depth / wanted.select(seen, one));
-                let at = [0, 1, 2].map(|a| {
-                    let row = lighting.to_voxel[a];
-                    before[0] * row.x + before[1] * row.y + before[2] * row.z + at[a]
-                });
-                let opacity = ((self.value_at(simd, at, wanted) - self.lo) * self.scale).max(zero).min(one);
-                let open = wanted.select(one - opacity * CONTACT, one);
+                let mut open = one;
+                for ((level, mm), share) in surround.iter().zip(CONTACT_MM).zip(CONTACT) {
+                    let at = [0, 1, 2].map(|a| before[a] * mm + at[a]);
+                    let near = (level.opacity(simd, at, wanted) - FLAT).max(zero);
+                    open -= wanted.select(near * share, zero);
+                }
+                let open = open.max(CONTACT_LEAST);
                 light.bright *= open;
                 light.tone *= open;
             },

@@ -226,8 +226,10 @@ impl Rays<'_> {
                     self.shade(simd, &ray, &mut light, cells, camera);
                 }
             }
-            if let Some(lighting) = self.lighting.as_ref().filter(|l| l.light.contact && self.shader.is_none()) {
-                self.darken(simd, &ray, &mut light, lighting);
+            if let Some((lighting, surround)) = self.lighting.as_ref().and_then(|l| Some((l, l.surround.as_ref()?)))
+                && self.shader.is_none()
+            {
+                self.darken(simd, &ray, &mut light, lighting.to_voxel, surround);
             }
         }
         PacketResult {

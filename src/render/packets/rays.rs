@@ -11,7 +11,7 @@ use super::directions::{DirectionSource, split};
 use super::lanes::{OccupancyLanes, Voxels, interpolate};
 use super::occupancy::Occupancy;
 use crate::render::camera::{Origins, View};
-use crate::render::light::Light;
+use crate::render::light::{BORDER, Light, half_mm};
 use crate::render::march::Step;
 use crate::render::quality::Settings;
 use crate::render::regression::{Regression, Weighting, to_world};
@@ -19,6 +19,7 @@ use crate::render::sampler::{Sampler, Trilinear};
 use crate::render::shaders::Shader;
 use crate::render::transfer::FOOT;
 use crate::space::PreparedVolume;
+use crate::space::surround::{self, LEVELS, OPAQUE};
 
 /// Side of a packet, rays.
 pub(crate) const SIDE: usize = 4;
@@ -80,16 +81,47 @@ pub(crate) struct Rays<'a> {
     /// Length of a step, mm.
     pub(super) step_mm: f32,
     /// Effects of the light at the camera, in addition to the headlight.
-    pub(super) lighting: Option<PacketLighting>,
+    pub(super) lighting: Option<PacketLighting<'a>>,
     /// The shader that takes the headlight's place.
     pub(super) shader: Option<&'a dyn Shader>,
 }
 
 /// A light other than the headlight, for packets.
-pub(crate) struct PacketLighting {
+pub(crate) struct PacketLighting<'a> {
     pub light: Light,
     /// The rows of the matrix that turns world directions into voxels.
     pub to_voxel: [Vec3; 3],
+    /// The distance at which half of the light arrives, mm.
+    pub half_mm: f32,
+    /// What contact shadows are taken from.
+    pub surround: Option<[SurroundLanes<'a>; LEVELS]>,
+}
+
+/// A level of a volume's [`Surround`](crate::space::surround::Surround), for packets.
+pub(crate) struct SurroundLanes<'a> {
+    voxels: Voxels<'a>,
+    /// Transform the volume's grown voxel coordinates to those of the level.
+    scale: Vec3,
+    offset: Vec3,
+}
+
+impl<'a> SurroundLanes<'a> {
+    /// Wraps `level`; `None` if it has more cells than an `i32` can count.
+    fn new(level: &'a surround::Level) -> Option<Self> {
+        Some(Self { voxels: Voxels::new(&level.means)?, scale: level.scale, offset: level.offset })
+    }
+
+    /// Returns the mean opacity (0 to 1) around the places `q` (grown voxel coordinates of the volume) of the lanes in `wanted`.
+    #[inline(always)]
+    pub(super) fn opacity<S: Simd>(&self, simd: S, q: [f32x16<S>; 3], wanted: mask32x16<S>) -> f32x16<S> {
+        let last = self.voxels.last();
+        let (scale, offset) = (self.scale, self.offset);
+        let x = (q[0] * scale.x + offset.x).max(1.0).min(last[0] as f32 + (1.0 - BORDER));
+        let y = (q[1] * scale.y + offset.y).max(1.0).min(last[1] as f32 + (1.0 - BORDER));
+        let z = (q[2] * scale.z + offset.z).max(1.0).min(last[2] as f32 + (1.0 - BORDER));
+        let (cell, t) = split([x, y, z]);
+        interpolate(simd, self.voxels.corners(simd, cell, wanted), t) * (1.0 / OPAQUE)
+    }
 }
 
 /// The result of sixteen rays.
@@ -204,6 +236,11 @@ impl<'a> Rays<'a> {
             lighting: (settings.light != Light::HEADLIGHT).then(|| PacketLighting {
                 light: settings.light,
                 to_voxel: [0, 1, 2].map(|n| grid.to_voxel().matrix3.row(n).as_vec3()),
+                half_mm: half_mm(volume, view.position()),
+                surround: settings.light.contact.then(|| volume.surround()).flatten().and_then(|s| {
+                    let [near, far] = s.levels();
+                    Some([SurroundLanes::new(near)?, SurroundLanes::new(far)?])
+                }),
             }),
             shader,
         })

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 
-use super::{FlightController, recordable};
+use super::{FlightController, recordable, which_segment};
 use crate::components::camera::Pose;
 use crate::components::input::{FlightCommand, HandCommand};
 use crate::components::output::Picture;
@@ -59,7 +59,7 @@ impl FlightController {
             return;
         }
         if other {
-            self.say(format!("segment {} of {}", segment + 1, self.flight.setup().lumen.segments.len()), now);
+            self.say(which_segment(segment, self.flight.setup().lumen.segments.len()), now);
         }
         let pose = Pose { position: place, ..self.flight.pose() };
         if self.flight.act(go_to(pose)).is_ok() {

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 
-use super::FlightController;
+use super::{FlightController, which_segment};
 use crate::app::flight::Onward;
 use crate::components::flight::State;
 use crate::fields::lumen::GasKind;
@@ -90,18 +90,18 @@ impl FlightController {
             Ok(onward) => {
                 let segments = self.flight.setup().lumen.segments.len();
                 let all = if segments == 1 { "1 segment".to_owned() } else { format!("{segments} segments") };
-                let n = self.flight.setup().plan.segment.map_or(0, |n| n + 1);
+                let here = which_segment(self.flight.setup().plan.segment.unwrap_or(0), segments);
                 match onward {
                     Onward::Same(_) if arrived => {
                         format!("the lumen has {all} now{}", self.actions.hint("next", "flies to the next"))
                     }
                     Onward::Same(_) => format!("the lumen has {all} now; the flight goes on in its segment"),
                     Onward::Changed(_) => {
-                        format!("the flown gas has changed: set out anew in segment {n} of {segments}")
+                        format!("the flown gas has changed: set out anew in the {here}")
                     }
                     Onward::Elsewhere(_) => {
                         let undo = self.actions.hint("undo", "undoes it");
-                        format!("the flown gas is no colon now: set out in segment {n} of {segments}{undo}")
+                        format!("the flown gas is no colon now: set out in the {here}{undo}")
                     }
                     Onward::Nowhere => "no gas is left that may be colon: the flight keeps its lumen".to_owned(),
                 }
