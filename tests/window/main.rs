@@ -8,7 +8,9 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use colvis::components::output::LogLine;
-use glam::DVec3;
+use colvis::progress::Progress;
+use colvis::volume::{Grid, Volume, io};
+use glam::{DMat3, DVec3};
 use image::RgbImage;
 
 use support::failed::keep;
@@ -124,6 +126,16 @@ impl Screen {
         }
     }
 
+    /// Waits for a screenshot that is written whole.
+    fn saved(&self, path: &Path) -> RgbImage {
+        let mut image = None;
+        self.shot_when("that it is saved", |_| {
+            image = image::open(path).ok();
+            image.is_some()
+        });
+        image.unwrap().to_rgb8()
+    }
+
     fn fly(&self, folder: &Path, log: &str) -> Running {
         self.fly_with(folder, &["--log", log])
     }
@@ -200,6 +212,7 @@ fn a_flight_in_a_window() {
     let folder = folder.path();
 
     // The window flies automatically and says so.
+    keep_settings(folder, "screenshots = \".\"\n");
     let mut window = screen.fly(folder, "first.jsonl");
     let shot = screen.shot();
     let panel = image::imageops::crop_imm(&shot, 0, 0, 200, 110).to_image();
@@ -213,10 +226,9 @@ fn a_flight_in_a_window() {
     screen.key("space");
     let mut before = None;
     screen.shot_when("a still image", |now| before.replace(now.clone()).is_some_and(|b| b == *now));
-    screen.key("F12");
+    screen.key("ctrl+F12");
     let saved = folder.join("colvis-0001.png");
-    screen.shot_when("that it is saved", |_| saved.exists());
-    let image = image::open(&saved).unwrap().to_rgb8();
+    let image = screen.saved(&saved);
     assert_eq!(image.dimensions(), SIZE);
     assert_eq!(share(&image, is_bar), 0.0, "no overlay on what is saved");
     let middle = |i: &RgbImage| image::imageops::crop_imm(i, 220, 200, 200, 150).to_image();
@@ -281,6 +293,42 @@ fn a_flight_in_a_window() {
     let again = log(folder, "second.jsonl");
     let gap = place(&again[0]).distance(place(&lines[lines.len() - 1]));
     assert!(gap < 1.0, "{gap} mm from where it was left");
+}
+
+/// Writes the user's settings.
+fn keep_settings(folder: &Path, settings: &str) {
+    fs::create_dir_all(folder.join("config/colvis")).unwrap();
+    fs::write(folder.join("config/colvis/settings.toml"), format!("version = 1\n{settings}")).unwrap();
+}
+
+/// A screenshot has all views, a strip that labels them, and a path that is not that of what was saved before.
+#[test]
+fn a_screenshot_shows_all_views_and_lies_in_the_folder_for_pictures() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let shots = folder.join("pictures/colvis");
+    fs::create_dir_all(folder.join("config")).unwrap();
+    let named = format!("XDG_PICTURES_DIR=\"{}\"\n", folder.join("pictures").display());
+    fs::write(folder.join("config/user-dirs.dirs"), named).unwrap();
+    let mut window = screen.open_window(folder, &["fly", "--size", "640x480", "--layout", "reading"], flies);
+    screen.key("space");
+    screen.key("F12");
+    let image = screen.saved(&shots.join("colvis-0001.png"));
+    // All but the menus above, with the strip below.
+    assert!(image.width() == SIZE.0 && (400..480).contains(&image.height()), "{:?}", image.dimensions());
+    let strip = image::imageops::crop_imm(&image, 0, image.height() - 46, SIZE.0, 46).to_image();
+    let is_text = |p: [u8; 3]| p.iter().all(|&c| c > 150);
+    assert!(share(&strip, is_text) > 0.01 && share(&strip, |p| p.iter().all(|&c| c < 30)) > 0.7);
+    assert!(share(&image, is_bar) > 0.0 && shows(&image), "the flight and what is drawn over it");
+    let slices = image::imageops::crop_imm(&image, 400, 0, 240, 200).to_image();
+    assert!(share(&slices, |[r, g, b]| r == g && g == b && (90..180).contains(&r)) > 0.2, "a slice");
+    screen.key("ctrl+s");
+    screen.saved(&shots.join("colvis-0002.png"));
+    let left: Vec<_> = fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name()).collect();
+    assert!(left.iter().all(|name| !name.to_string_lossy().ends_with(".png")), "{left:?}");
+    screen.key("ctrl+q");
+    assert!(window.wait().success() && window.output().1.is_empty());
 }
 
 /// Returns the session files kept for later.
@@ -539,13 +587,46 @@ fn a_scan_without_a_way_leaves_an_empty_log_and_the_reason() {
     assert!(stats["state"] == "operator" && err.contains(stats["reason"].as_str().unwrap()), "{stats}");
 }
 
+/// Without a colon, the slices are shown, and a double click into gas starts a flight there.
+#[test]
+fn a_scan_without_a_colon_is_read_in_slices_and_flown_where_gas_is_clicked() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let grid = Grid::new([48, 48, 48], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+    let at = |n: usize| DVec3::new((n % 48) as f64, (n / 48 % 48) as f64, (n / (48 * 48)) as f64);
+    let bubble = DVec3::splat(23.5);
+    let data = (0..48 * 48 * 48).map(|n| if at(n).distance(bubble) < 6.0 { -1000 } else { 40 }).collect();
+    io::save(&folder.join("s.nii"), &Volume::new(grid, data), &Progress::new()).unwrap();
+    let is_tissue = |[r, g, b]: [u8; 3]| r == g && g == b && (120..145).contains(&r);
+    // The layout has no slice, and is there again for the flight.
+    let args = ["fly", "s.nii", "--size", "640x480", "--layout", "flight", "--log", "f.jsonl"];
+    let mut window = screen.open_window(folder, &args, |i| share(i, is_tissue) > 0.15);
+    // The gas is between tissue above and below, beside the crosshair of the axial slice.
+    let shot = screen.shot_when("slices", |i| share(i, is_tissue) > 0.15);
+    let column: Vec<bool> = (60..280).map(|y| is_tissue(shot.get_pixel(508, y).0)).collect();
+    let first = column.iter().position(|t| *t).unwrap();
+    let gas = first + column[first..].iter().position(|t| !*t).unwrap();
+    let end = gas + column[gas..].iter().position(|t| *t).unwrap();
+    assert!(end - gas > 15, "{first} {gas} {end}");
+    let y = (60 + (gas + end) / 2).to_string();
+    screen.tool("xdotool", &["mousemove", "508", &y, "click", "--repeat", "2", "--delay", "80", "1"]);
+    screen.shot_when("the flight", |i| share(i, is_bar) > 0.0 && share(i, is_tissue) < 0.05);
+    screen.key("ctrl+q");
+    let status = window.wait();
+    let (_, err) = window.output();
+    assert!(status.success(), "{status}: {err}");
+    assert!(place(&log(folder, "f.jsonl")[0]).distance(bubble) < 6.0);
+}
+
 /// The exit status is about the scan of the command line, not about one that was chosen in the window.
 #[test]
 fn a_scan_chosen_in_the_window_fails_there_alone() {
     let Some(screen) = Screen::open() else { return };
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    write_tissue(&folder.join("s.mha"), 512);
+    // Both end early: one that is whole is looked at, even without a colon.
+    write_tissue(&folder.join("s.mha"), 128);
     write_tissue(&folder.join("t.mha"), 256);
     // Two lines below the title say why it cannot be flown.
     let why = |i: &RgbImage| image::imageops::crop_imm(i, 40, 48, 560, 30).to_image();
@@ -654,9 +735,8 @@ fn the_view_is_rolled_and_narrowed_and_what_is_felt_is_drawn() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     // Overlays have keys where the settings say so.
-    fs::create_dir_all(folder.join("config/colvis")).unwrap();
-    let keys = "version = 1\n[keys]\noverlay-tentacles = [\"7\"]\noverlay-mines = [\"8\"]\noverlay-forces = [\"9\"]\n";
-    fs::write(folder.join("config/colvis/settings.toml"), keys).unwrap();
+    let keys = "[keys]\noverlay-tentacles = [\"7\"]\noverlay-mines = [\"8\"]\noverlay-forces = [\"9\"]\n";
+    keep_settings(folder, &format!("screenshots = \".\"\n{keys}"));
     let mut window = screen.fly_with(folder, &["--log", "f.jsonl", "--record-input", "hand.jsonl"]);
     std::thread::sleep(Duration::from_secs(2));
     // The colours of the overlays, none of which are in the pink wall.
@@ -681,10 +761,9 @@ fn the_view_is_rolled_and_narrowed_and_what_is_felt_is_drawn() {
     screen.key("bracketleft");
     screen.tool("xdotool", &["keydown", "ctrl", "click", "4", "key", "equal", "sleep", "0.2", "keyup", "ctrl"]);
     std::thread::sleep(Duration::from_secs(1));
-    screen.key("F12");
+    screen.key("ctrl+F12");
     let saved = folder.join("colvis-0001.png");
-    screen.shot_when("that it is saved", |_| saved.exists());
-    let image = image::open(&saved).unwrap().to_rgb8();
+    let image = screen.saved(&saved);
     assert!(share(&image, is_yellow) == 0.0 && share(&image, is_green) == 0.0, "no overlay on what is saved");
     screen.key("ctrl+q");
     let status = window.wait();

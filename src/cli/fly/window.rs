@@ -10,12 +10,12 @@ use serde_json::json;
 use super::covering::Covering;
 use super::files::read_commands;
 use super::{Screen, ask_plugins, leave, leave_unflown, overlays, request, say, scene, stats};
-use crate::app::{FlightApp, Scan, Scene, Timings};
+use crate::app::{FlightApp, FlightRequest, Place, Scan, Scene, Timings};
 use crate::cli::Program;
 use crate::cli::args::{FlyArgs, Global};
 use crate::cli::prepare;
 use crate::cli::values::Point;
-use crate::components::input::HandCommand;
+use crate::components::input::{HandCommand, TimedCommand};
 use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
 use crate::host::window::{self, Asked, Resume};
@@ -182,45 +182,15 @@ fn opening(
     let commands = args.replay.as_deref().map(read_commands).transpose()?;
     let (kept, prepare_args, prepare_global) = (Arc::clone(timings), args.clone(), global.clone());
     let prepare: window::Prepare = Box::new(move |progress| {
-        let args = &prepare_args;
+        let args = prepare_args;
         let mut scan = prepare::open_unsaid(args.input.as_deref(), &prepare_global, scene.image.preset, progress)?;
-        let mut notes = Vec::new();
-        // They are printed, and stand in the window until they are dismissed.
-        let mut tell = |scan: &mut Scan| {
-            for note in scan.take_notes() {
-                say(&note);
-                notes.push(note);
-            }
-        };
-        tell(&mut scan);
+        let notes = told_notes(&mut scan);
         let session = window::SessionFile::of(scan.volume().voxels());
-        if resume(args) != Resume::Never {
+        if resume(&args) != Resume::Never {
             scan.tell(session.told());
         }
-        let fly =
-            |scan: &mut Scan, scene: Scene| scan.cleanse_for(&scene).and_then(|()| scan.flight(scene, &request(args)));
-        let mut made = fly(&mut scan, scene.clone());
-        tell(&mut scan);
-        if let Err(e) = &made
-            && !scan.told().is_empty()
-            && e.kind == Kind::Incomplete
-            && !progress.is_cancelled()
-        {
-            say(&format!("the kinds that you gave to gas do not count, because there is no flight with them: {e}"));
-            scan.tell(Vec::new());
-            made = fly(&mut scan, scene);
-            tell(&mut scan);
-        }
-        *kept.lock().unwrap_or_else(PoisonError::into_inner) = scan.timings().clone();
-        let mut flight = made?;
-        flight.setup().scene.image.settings.light.prepare(&flight.setup().volume);
-        if let Some(commands) = commands {
-            flight.commands.replay(commands);
-        }
-        if args.record_input.is_some() {
-            flight.commands.start();
-        }
-        Ok(session.ready(flight, notes))
+        let request = request(&args);
+        Departure { scan, scene, session, args, commands, notes, timings: kept }.depart(request, progress)
     });
     let (finish_args, finish_timings) = (args.clone(), Arc::clone(timings));
     let covering = covering(args, global)?;
@@ -248,6 +218,91 @@ fn opening(
     })
 }
 
+/// Takes the notes of a scan and prints them. They also stand in the window until they are dismissed.
+fn told_notes(scan: &mut Scan) -> Vec<String> {
+    let notes = scan.take_notes();
+    notes.iter().for_each(|note| say(note));
+    notes
+}
+
+/// An open scan, and all that a flight through it needs.
+#[derive(Clone)]
+struct Departure {
+    scan: Scan,
+    scene: Scene,
+    session: window::SessionFile,
+    args: FlyArgs,
+    /// Input to be replayed.
+    commands: Option<Vec<TimedCommand>>,
+    /// Notes about the scan.
+    notes: Vec<String>,
+    /// Receives how long the preparation took.
+    timings: Arc<Mutex<Timings>>,
+}
+
+impl Departure {
+    /// Prepares the flight that is asked for. If there is none, a reader may look at the scan's slices, and start elsewhere.
+    ///
+    /// # Errors
+    /// Returns the error of the flight if it repeats another, or if its length was given: nobody looks at those.
+    fn depart(mut self, request: FlightRequest, progress: &Arc<Progress>) -> Result<window::Ready> {
+        let mut made = self.fly(&request);
+        if let Err(e) = &made
+            && !self.scan.told().is_empty()
+            && e.kind == Kind::Incomplete
+            && !progress.is_cancelled()
+        {
+            say(&format!("the kinds that you gave to gas do not count, because there is no flight with them: {e}"));
+            self.scan.tell(Vec::new());
+            made = self.fly(&request);
+        }
+        *self.timings.lock().unwrap_or_else(PoisonError::into_inner) = self.scan.timings().clone();
+        let mut flight = match made {
+            Ok(flight) => flight,
+            Err(why) if why.kind == Kind::Incomplete && self.is_read() && !progress.is_cancelled() => {
+                return self.look(why);
+            }
+            Err(e) => return Err(e),
+        };
+        flight.setup().scene.image.settings.light.prepare(&flight.setup().volume);
+        if let Some(commands) = self.commands {
+            flight.commands.replay(commands);
+        }
+        if self.args.record_input.is_some() {
+            flight.commands.start();
+        }
+        Ok(self.session.ready(flight, self.notes))
+    }
+
+    fn fly(&mut self, request: &FlightRequest) -> Result<FlightApp> {
+        let scene = self.scene.clone();
+        let made = self.scan.cleanse_for(&scene).and_then(|()| self.scan.flight(scene, request));
+        self.notes.extend(told_notes(&mut self.scan));
+        made
+    }
+
+    /// True if a reader sits before the window.
+    fn is_read(&self) -> bool {
+        resume(&self.args) != Resume::Never && self.args.seconds.is_none()
+    }
+
+    /// Shows the scan without a flight. One may begin elsewhere.
+    fn look(mut self, why: Error) -> Result<window::Ready> {
+        let at_rest = self.scan.at_rest(self.scene.clone())?;
+        self.notes.extend(told_notes(&mut self.scan));
+        let (session, notes, anew) = (self.session.clone(), self.notes.clone(), self);
+        let start_at = Box::new(move |place| {
+            let mut anew = anew.clone();
+            let prepare: window::Prepare = Box::new(move |progress: &Arc<Progress>| {
+                anew.scan.report_to(progress);
+                anew.depart(FlightRequest { from: Some(Place::World(place)), ..FlightRequest::default() }, progress)
+            });
+            prepare
+        });
+        Ok(session.unflown(at_rest, notes, why, start_at))
+    }
+}
+
 /// What a flight in a window resumes from the last time its scan was open.
 fn resume(args: &FlyArgs) -> Resume {
     let repeats = args.replay.is_some() || args.record_input.is_some() || args.play.is_some();
@@ -262,8 +317,11 @@ fn resume(args: &FlyArgs) -> Resume {
 
 #[cfg(test)]
 mod tests {
+    use glam::{DMat3, DVec3};
+
     use super::*;
     use crate::cli::files::Files;
+    use crate::volume::{Grid, Volume, io};
 
     #[test]
     fn another_scan_has_no_files_and_no_review_of_the_one_before() {
@@ -325,5 +383,37 @@ mod tests {
         assert!(all_written(&before, true).is_ok() && all_written(&FlyArgs::default(), false).is_ok());
         let e = all_written(&before, false).unwrap_err();
         assert!(e.kind == Kind::Incomplete && e.what == "l.jsonl", "{e}");
+    }
+    /// Opens a scan in a window, as far as that goes without one.
+    fn opened(args: &FlyArgs) -> Result<window::Ready> {
+        let scene = Scene { picture: true, ..Scene::guided_by("tentacles") };
+        let opening = opening(args, &Global::default(), scene, &Arc::default(), Rc::default()).unwrap();
+        (opening.prepare)(&Arc::new(Progress::new()))
+    }
+
+    #[test]
+    fn a_scan_without_a_colon_is_looked_at_and_flown_from_where_the_reader_starts() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("tissue.nii");
+        let bubble = DVec3::new(30.0, 24.0, 20.0);
+        let grid = Grid::new([48, 48, 40], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        let at = |n: usize| DVec3::new((n % 48) as f64, (n / 48 % 48) as f64, (n / (48 * 48)) as f64);
+        let data = (0..48 * 48 * 40).map(|n| if at(n).distance(bubble) < 6.0 { -1000 } else { 40 }).collect();
+        io::save(&file, &Volume::new(grid, data), &Progress::new()).unwrap();
+        let args = FlyArgs { input: Some(file), ..FlyArgs::default() };
+        let shown = opened(&args).unwrap();
+        assert!(!shown.flight.setup().scene.moves());
+        let unflown = shown.unflown.unwrap();
+        assert_eq!(unflown.why.kind, Kind::Incomplete);
+        // What nobody looks at fails as it does without a window.
+        let timed = opened(&FlyArgs { seconds: Some(1.0), ..args.clone() }).map(drop).unwrap_err();
+        assert_eq!(timed.to_string(), unflown.why.to_string());
+        // In gas a flight starts there, and elsewhere the slices stay.
+        let begin = |place| (unflown.start_at)(place)(&Arc::new(Progress::new())).unwrap();
+        let flown = begin(bubble);
+        assert!(flown.unflown.is_none() && flown.flight.setup().scene.moves());
+        assert!(flown.flight.pose().position.distance(bubble) < 1.0);
+        let again = begin(DVec3::splat(5.0));
+        assert!(again.unflown.is_some_and(|u| u.why.why.contains("no lumen within")));
     }
 }

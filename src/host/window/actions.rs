@@ -112,9 +112,9 @@ fn always(_: &FlightController) -> std::result::Result<(), WhyNot> {
     Ok(())
 }
 
-/// Refuses actions that a replayed log cannot follow.
+/// Refuses actions that a replayed log, or a scan without a flight, cannot follow.
 fn flies_itself(c: &FlightController) -> std::result::Result<(), WhyNot> {
-    if c.flight().setup().scene.play().is_some() { Err("a log is replayed".into()) } else { Ok(()) }
+    if c.flight().setup().scene.play().is_some() { Err("a log is replayed".into()) } else { c.may_fly() }
 }
 
 fn has_both_scans(c: &FlightController) -> std::result::Result<(), WhyNot> {
@@ -332,7 +332,8 @@ const TABLE: &[Row] = &[
     },
     once("undo", "undo the last change to distances, answers or kinds", "Ctrl+Z", FlightController::undo),
     once("delete-last", "delete the last distance", "Delete", FlightController::delete_last_measure),
-    once("screenshot", "screenshot and its pose", "Ctrl+S F12", FlightController::take_screenshot),
+    once("screenshot", "screenshot of all views", "Ctrl+S F12", FlightController::order_photograph),
+    once("picture", "picture of the flight alone, and its pose", "Ctrl+F12", FlightController::take_screenshot),
     Row { effect: Effect::Window(WindowRequest::Fullscreen), ..once("fullscreen", "full screen", "F11", |_, _| {}) },
     Row {
         shifted: "?",
@@ -399,7 +400,7 @@ const OWN: &str = "";
 
 /// The menus: actions by their ids. An id that ends in `-` includes all ids with that prefix.
 pub(crate) const MENUS: &[(&str, &[&str])] = &[
-    ("File", &["open", "screenshot", "quit"]),
+    ("File", &["open", "screenshot", "picture", "quit"]),
     ("Flight", &["pause", "guide", "guide-", "reverse", "whole", "next", "other-end", "faster", "slower", OWN]),
     (
         "View",

@@ -4,12 +4,13 @@ mod assisting;
 mod commanding;
 mod history;
 mod pointing;
+mod resting;
+mod saving;
 mod seeing;
 mod telling;
 
 use std::collections::BTreeSet;
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -32,8 +33,7 @@ use super::overlay::{HudState, Severity};
 use super::overlays::Overlays;
 use super::panels::FlightInput;
 use super::place::{Bar, Chosen, Place, which_segment};
-use super::screenshot;
-use super::screenshot_renderer::{Traced, WakeUp};
+use super::screenshot_renderer::WakeUp;
 use super::seen::Seen;
 use super::slices::Slices;
 use super::travel::Travel;
@@ -125,6 +125,14 @@ pub(crate) struct FlightController {
     scale: f32,
     /// True if there is something new to show although the flight rests.
     attention: bool,
+    /// Why the scan cannot be flown.
+    unflown: Option<String>,
+    /// Where a flight of such a scan was asked for, world mm.
+    start_at: Option<DVec3>,
+    /// True if a screenshot of all views was asked for.
+    is_photograph_due: bool,
+    /// The folder of screenshots that was set.
+    screenshots: Option<PathBuf>,
 }
 
 /// Mouse and wheel movements since the last step. Each sum becomes one command, because a mouse reports far more often than the
@@ -191,6 +199,10 @@ impl FlightController {
             actions,
             scale: 1.0,
             attention: false,
+            unflown: None,
+            start_at: None,
+            is_photograph_due: false,
+            screenshots: None,
         })
     }
 
@@ -324,7 +336,8 @@ impl FlightController {
         let attention = self.attention.then_some(self.start);
         let finer = self.view_renderer.is_refining(&self.flight).then_some(self.start);
         let planned = self.planning.is_some().then_some(self.start);
-        let uncleansed = (self.cleansing.is_waiting() && self.has_shown).then_some(self.start);
+        let uncleansed =
+            (self.cleansing.is_waiting() && self.has_shown && self.unflown.is_none()).then_some(self.start);
         let searched = self.assistant.as_ref().and_then(|a| a.next());
         let (told, seen) = (self.kinds.next(), self.seen.next());
         [seen, finer, message, self.figures.next(), attention, planned, uncleansed, searched, told]
@@ -484,16 +497,6 @@ impl FlightController {
         self.act(FlightCommand::OtherEnd, at.now);
     }
 
-    /// Saves the image.
-    pub(crate) fn take_screenshot(&mut self, at: ActionContext) {
-        if at.window.pixels() == 0 {
-            self.say("the flight is not shown", at.now);
-            return;
-        }
-        self.view_renderer.order_to_save(&self.flight, at.window);
-        self.say("saving the image", at.now);
-    }
-
     /// True if the state that an action switches is on, for its button.
     pub(crate) fn is_on(&self, id: &str) -> bool {
         match id {
@@ -582,7 +585,11 @@ impl FlightController {
 
     /// Starts to look for the scan without tag once there is a picture, and adopts it once it is found.
     fn take_cleansed(&mut self, now: Instant) {
-        let begun = if self.has_shown { self.cleansing.begin(&self.flight, &self.wake) } else { Ok(()) };
+        let begun = if self.has_shown && self.unflown.is_none() {
+            self.cleansing.begin(&self.flight, &self.wake)
+        } else {
+            Ok(())
+        };
         match begun.and_then(|()| self.cleansing.take(&mut self.flight)) {
             Ok(Some(what)) => {
                 if !what.is_empty() {
@@ -687,27 +694,6 @@ impl FlightController {
         }
     }
 
-    /// Saves a screenshot and prints its pose.
-    fn save(&mut self, traced: &Traced, now: Instant) {
-        match screenshot::save(&traced.frame, Path::new(".")) {
-            Ok(path) => {
-                let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-                let pose = screenshot::pose_json(&traced.request.pose, traced.request.fov_degrees);
-                // The reader of the poses may have closed standard output, but the picture is saved.
-                let _ = writeln!(std::io::stdout(), "{pose}");
-                self.say(format!("saved {name}"), now);
-            }
-            Err(e) => self.say(e.to_string(), now),
-        }
-    }
-
-    /// Saves the screenshots that are still being rendered, at the end.
-    pub(crate) fn save_the_rest(&mut self) {
-        for traced in self.view_renderer.all_to_save() {
-            self.save(&traced, Instant::now());
-        }
-    }
-
     /// Simulates up to `now`.
     ///
     /// # Errors
@@ -762,7 +748,7 @@ impl FlightController {
     fn watch(&mut self) {
         let flight = self.flight.flight();
         let hand = self.hand();
-        let left_alone = hand.paused || flight.state != State::Flying || self.is_by_hand();
+        let left_alone = hand.paused || self.unflown.is_some() || flight.state != State::Flying || self.is_by_hand();
         let still = self.flight.camera::<Velocity>().is_none_or(|v| v.0.length() < REST_MM_S)
             && hand.push == DVec3::ZERO
             && hand.turn == DVec3::ZERO;
@@ -788,12 +774,6 @@ impl FlightController {
         let due = self.view_renderer.prepare(&mut self.flight, window, stale)?;
         self.save_traced(now);
         Ok(due)
-    }
-
-    fn save_traced(&mut self, now: Instant) {
-        for traced in self.view_renderer.take_to_save() {
-            self.save(&traced, now);
-        }
     }
 
     /// Returns the state of the flight for display.
@@ -826,7 +806,7 @@ impl FlightController {
         let (share, length) = self.flight.survey().progress();
         let along = share * length;
         // The first picture comes first, and the tag is taken out of a volume that nothing else holds.
-        if self.has_shown && !self.cleansing.is_waiting() {
+        if self.has_shown && self.unflown.is_none() && !self.cleansing.is_waiting() {
             self.place.update(&self.flight, &self.wake, now);
         }
         let (marks_drawn, fault) = self.overlays.draw(&self.flight, self.scale);
@@ -864,6 +844,7 @@ impl FlightController {
 
     fn state(&self, state: &State) -> (String, Severity) {
         let (text, severity) = match state {
+            _ if self.unflown.is_some() => ("no flight", Severity::Notice),
             State::Operator => ("operator needed", Severity::Alert),
             // Who flies by hand goes on after an arrival.
             State::Arrived if self.is_by_hand() => ("manual", Severity::Notice),

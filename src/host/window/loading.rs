@@ -3,11 +3,13 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use glam::DVec3;
+
 use super::job::Job;
 use super::overlay::Content;
 use super::{session, told};
 use crate::app::FlightApp;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::fields::lumen::Told;
 use crate::output;
 use crate::progress::Progress;
@@ -21,9 +23,23 @@ pub(crate) struct Ready {
     pub(super) session: Option<PathBuf>,
     /// What the reader must know about the scan.
     pub notes: Vec<String>,
+    /// Set if the scan cannot be flown: the flight then rests, and its slices are looked at.
+    pub unflown: Option<Unflown>,
 }
 
+/// A scan that cannot be flown, or not from where it was to be.
+pub(crate) struct Unflown {
+    /// Why not.
+    pub why: Error,
+    /// Prepares a flight that starts in the gas at a place, world mm.
+    pub start_at: StartAt,
+}
+
+/// A function that prepares a flight from a place, world mm.
+pub(crate) type StartAt = Box<dyn Fn(DVec3) -> Prepare + Send>;
+
 /// Location of a scan's session.
+#[derive(Clone)]
 pub(crate) struct SessionFile(Option<PathBuf>);
 
 impl SessionFile {
@@ -44,7 +60,12 @@ impl SessionFile {
 
     /// Combines the session file with the scan's flight.
     pub(crate) fn ready(self, flight: FlightApp, notes: Vec<String>) -> Ready {
-        Ready { flight, session: self.0, notes }
+        Ready { flight, session: self.0, notes, unflown: None }
+    }
+
+    /// Combines the session file with the scan's slices, because there is no flight.
+    pub(crate) fn unflown(self, at_rest: FlightApp, notes: Vec<String>, why: Error, start_at: StartAt) -> Ready {
+        Ready { unflown: Some(Unflown { why, start_at }), ..self.ready(at_rest, notes) }
     }
 }
 
@@ -92,7 +113,6 @@ impl Loading {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::error::Error;
     use std::sync::mpsc;
     use std::time::Duration;
 

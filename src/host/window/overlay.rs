@@ -151,6 +151,13 @@ pub(crate) fn loading(p: &Painter, area: Rect, stage: &str, share: Option<f64>, 
     text(p, area.center_bottom() - vec2(0.0, MARGIN), Align2::CENTER_BOTTOM, DISCLAIMER, TEXT, SOFT);
 }
 
+/// Draws, in place of a flight's picture, why there is none, and a message, in an area given in points.
+pub(crate) fn unflown(p: &Painter, area: Rect, why: &str, message: Option<&str>) {
+    p.rect_filled(area, 0.0, Color32::from_gray(24));
+    let list = [(why, 16.0, INK)].into_iter().chain(message.map(|m| (m, 16.0, Severity::Notice.colour())));
+    lines(p, area.center(), Align2::CENTER_CENTER, area.width() * 0.8, &list.collect::<Vec<_>>());
+}
+
 /// Positions of marks are clamped to this distance, pixels: anything farther out is in no window.
 const FAR_PIXELS: f32 = 3e4;
 /// Limits of a mark's font size, points, and of its number of characters.

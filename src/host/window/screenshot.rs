@@ -1,5 +1,6 @@
-//! Saves the image of a pose, without overlays.
+//! Saves screenshots: their folder, and names that are free.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use serde_json::json;
@@ -7,26 +8,78 @@ use serde_json::json;
 use crate::components::camera::Pose;
 use crate::error::{Error, Result};
 use crate::host::record::write_png;
+use crate::output;
 use crate::render::Frame;
 
 /// Maximum number of screenshot names in one folder.
 const NAMES: u32 = 10_000;
+/// What to do about a folder that cannot be written to.
+const HINT: &str = "set `screenshots` in settings.toml to a folder that you may write to";
 
-/// Saves an image in `folder` under an unused name. Returns its path.
+/// Saves an image in `folder` under an unused name, and creates the folder. Returns its path.
 ///
 /// # Errors
 /// Returns status 5 if it cannot be written, or no name is left.
 pub(crate) fn save(frame: &Frame, folder: &Path) -> Result<PathBuf> {
+    output::make_folder(folder)?;
     let path = free_name(folder)?;
-    write_png(&path, frame)?;
+    write_png(&path, frame).inspect_err(|_| {
+        // The empty file that holds the name. The error is about the image.
+        let _ = std::fs::remove_file(&path);
+    })?;
     Ok(path)
 }
 
+/// Takes an unused name. Another window cannot take the same one.
 fn free_name(folder: &Path) -> Result<PathBuf> {
-    (1..NAMES)
-        .map(|n| folder.join(format!("colvis-{n:04}.png")))
-        .find(|p| p.symlink_metadata().is_err())
-        .ok_or_else(|| Error::output(folder, "is full of screenshots", "move them elsewhere"))
+    for n in 1..NAMES {
+        let path = folder.join(format!("colvis-{n:04}.png"));
+        match std::fs::File::create_new(&path) {
+            Ok(_) => return Ok(path),
+            Err(e) if e.kind() == ErrorKind::AlreadyExists => {}
+            Err(e) => {
+                let why = format!("no screenshot can be written there ({})", output::plain(&e));
+                return Err(Error::output(folder, why, HINT));
+            }
+        }
+    }
+    Err(Error::output(folder, "is full of screenshots", "move them elsewhere"))
+}
+
+/// Returns the folder of screenshots: the one that is `set`, or else `colvis` in the platform's folder for pictures.
+///
+/// # Errors
+/// Returns status 5 if the system has no such folder.
+pub(crate) fn folder(set: Option<&Path>) -> Result<PathBuf> {
+    let home = || std::env::home_dir().filter(|h| h.is_absolute());
+    if let Some(set) = set {
+        let of_home = set.strip_prefix("~").ok().and_then(|rest| Some(home()?.join(rest)));
+        return Ok(of_home.unwrap_or_else(|| set.to_owned()));
+    }
+    let home = home().ok_or_else(|| Error::output(Path::new("screenshots"), "have no folder on this system", HINT))?;
+    let named = pictures_file(&home).and_then(|file| std::fs::read_to_string(file).ok());
+    let named = named.and_then(|text| named_pictures(&text, &home));
+    Ok(named.unwrap_or_else(|| home.join("Pictures")).join("colvis"))
+}
+
+/// Returns the file in which a desktop names its folders.
+fn pictures_file(home: &Path) -> Option<PathBuf> {
+    if cfg!(any(windows, target_os = "macos")) {
+        return None;
+    }
+    let set = std::env::var_os("XDG_CONFIG_HOME").map(PathBuf::from).filter(|p| p.is_absolute());
+    Some(set.unwrap_or_else(|| home.join(".config")).join("user-dirs.dirs"))
+}
+
+/// Finds the folder for pictures in the text of that file: `XDG_PICTURES_DIR="$HOME/Bilder"`.
+fn named_pictures(text: &str, home: &Path) -> Option<PathBuf> {
+    let set = text.lines().rev().find_map(|line| line.trim().strip_prefix("XDG_PICTURES_DIR="))?;
+    let path = set.trim().trim_matches('"');
+    let path = match path.strip_prefix("$HOME") {
+        Some(rest) => home.join(rest.trim_start_matches('/')),
+        None => PathBuf::from(path),
+    };
+    path.is_absolute().then_some(path)
 }
 
 /// Formats a pose on one line, as input for `render --poses`.
@@ -48,8 +101,31 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let first = free_name(dir.path()).unwrap();
         std::fs::write(&first, "x").unwrap();
+        std::fs::create_dir(dir.path().join("colvis-0003.png")).unwrap();
         let second = free_name(dir.path()).unwrap();
         assert_ne!(first, second);
         assert!(second.ends_with("colvis-0002.png"));
+    }
+    #[test]
+    fn what_is_saved_takes_the_place_of_nothing() {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = dir.path().join("a/b");
+        let frame = Frame::new(4, 3);
+        let paths = [(); 3].map(|()| save(&frame, &folder).unwrap());
+        assert!(paths.iter().all(|p| p.is_file()) && paths[0] != paths[1] && paths[1] != paths[2]);
+        std::fs::write(dir.path().join("file"), "x").unwrap();
+        assert_eq!(save(&frame, &dir.path().join("file")).unwrap_err().kind as u8, 5);
+    }
+
+    #[test]
+    fn pictures_are_where_the_desktop_has_them() {
+        let home = Path::new("/home/me");
+        let at = |text: &str| named_pictures(text, home);
+        assert_eq!(at("# x\nXDG_PICTURES_DIR=\"$HOME/Bilder\"\n"), Some(PathBuf::from("/home/me/Bilder")));
+        assert_eq!(at("XDG_PICTURES_DIR=\"/data/pictures\""), Some(PathBuf::from("/data/pictures")));
+        assert_eq!((at(""), at("XDG_PICTURES_DIR=\"pictures\""), at("XDG_MUSIC_DIR=\"/m\"")), (None, None, None));
+        assert_eq!(folder(Some(Path::new("/x/y"))).unwrap(), Path::new("/x/y"));
+        assert!(!folder(Some(Path::new("~/shots"))).unwrap().starts_with("~"));
+        assert!(folder(None).unwrap().ends_with("colvis"));
     }
 }

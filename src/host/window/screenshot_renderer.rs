@@ -5,6 +5,7 @@ use std::sync::Arc;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use super::job::Job;
+use super::photograph::Photograph;
 use crate::app::FlightApp;
 use crate::components::camera::Pose;
 use crate::components::output::Picture;
@@ -31,6 +32,8 @@ pub(crate) struct PictureRequest {
     pub settings: Settings,
     /// The renderer.
     pub preset: Preset,
+    /// The views that it is saved among; `None` for the image alone.
+    pub views: Option<Arc<Photograph>>,
 }
 
 impl PictureRequest {
@@ -42,7 +45,7 @@ impl PictureRequest {
         let (camera, fov_degrees, preset) = (picture.camera, picture.fov_degrees, picture.preset);
         let size = ImageSize::new(size.width.max(1), size.height.max(1));
         let (scan, pose) = (flight.shown_scan().clone(), flight.pose());
-        Some(Self { scan, pose, size, camera, fov_degrees, settings, preset })
+        Some(Self { scan, pose, size, camera, fov_degrees, settings, preset, views: None })
     }
 
     fn trace(self) -> Result<Traced> {
@@ -135,6 +138,7 @@ mod tests {
             fov_degrees: 90.0,
             settings: Settings::new(Quality::High),
             preset: Preset::default(),
+            views: None,
         };
         let mut screenshots = ScreenshotRenderer::new(Arc::new(|| {})).unwrap();
         assert!(screenshots.wait().is_none(), "nothing was asked for");

@@ -2,6 +2,7 @@
 //!
 //! ```toml
 //! version = 1
+//! screenshots = "/home/me/colon"   # the folder of screenshots, instead of colvis in that of pictures
 //! [keys]                       # an action's id, and its keys in the place of its own
 //! reverse = ["Z", "Ctrl+R"]
 //! light = []
@@ -30,6 +31,9 @@ pub(crate) struct Settings {
     /// Keys by actions.
     #[serde(default)]
     pub keys: KeySettings,
+    /// The folder of screenshots.
+    #[serde(default)]
+    pub screenshots: Option<PathBuf>,
 }
 
 impl Settings {
@@ -53,6 +57,11 @@ impl Settings {
     }
 }
 
+/// Returns the folder of screenshots that is set, if there is one. A damaged file has been told of where its keys were read.
+pub(crate) fn screenshots() -> Option<PathBuf> {
+    Settings::read(&file()?).ok()??.screenshots
+}
+
 /// Returns the path of the settings file; `None` on a system that defines no folder for it.
 pub(crate) fn file() -> Option<PathBuf> {
     Folder::Configuration.file("settings.toml")
@@ -69,7 +78,9 @@ mod tests {
         assert!(Settings::read(&path).unwrap().is_none());
         std::fs::write(&path, "version = 1\n[keys]\nreverse = [\"Z\"]\n").unwrap();
         let read = Settings::read(&path).unwrap().unwrap();
-        assert_eq!(read.keys["reverse"], ["Z"]);
+        assert_eq!((&read.keys["reverse"][..], read.screenshots), (&["Z".to_owned()][..], None));
+        std::fs::write(&path, "version = 1\nscreenshots = \"shots\"\n").unwrap();
+        assert_eq!(Settings::read(&path).unwrap().unwrap().screenshots, Some(PathBuf::from("shots")));
         for (text, word) in [
             ("version = 2", "version 2"),
             ("", "version"),

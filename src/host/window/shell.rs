@@ -1,5 +1,9 @@
 //! The window's event loop: receives the system's events and shows pictures.
 
+mod opening;
+mod photograph;
+mod unflown;
+
 use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -18,17 +22,19 @@ use super::controller::FlightController;
 use super::framebuffer::{Framebuffer, Places};
 use super::interface::{Interface, WindowSize};
 use super::keys::HeldKeys;
-use super::loading::{Loading, Prepare, Ready};
+use super::loading::{Loading, Prepare, Ready, Unflown};
 use super::measures::Measures;
 use super::overlay::{self, Content};
 use super::panels::open::FileList;
 use super::panels::{Context, Request, Requests, SeenInput, refuse_action};
+use super::photograph::Views;
 use super::placement::Placement;
 use super::present_timer::PresentTimer;
 use super::printed::Printed;
 use super::recent::Recent;
 use super::screenshot_renderer::WakeUp;
 use super::session::{ScanFiles, Session};
+use super::settings;
 use super::sheet::{self, Sheet};
 use super::stroke::{Pressed, Stroke};
 use super::workspace::{Workspace, scan_name};
@@ -89,10 +95,16 @@ pub(crate) struct Shell {
     workspace: Workspace,
     /// What covers the window.
     sheet: Option<Sheet>,
+    /// Set while a scan is shown that cannot be flown.
+    unflown: Option<Unflown>,
+    /// The number of the layout that was left to show its slices.
+    layout_before: Option<usize>,
     /// Rectangle of the flight's picture in the window, pixels: left, top, width, height.
     flight_at: [usize; 4],
     /// The same for the slices.
     slices_at: Vec<(Orientation, [usize; 4])>,
+    /// Both, in points.
+    views: Views,
     /// Serial number of the displayed layout.
     painted: Option<u64>,
     /// True if the latest layout is over the picture.
@@ -183,8 +195,11 @@ impl Shell {
             touched: false,
             workspace,
             sheet: None,
+            unflown: None,
+            layout_before: None,
             flight_at: [0; 4],
             slices_at: Vec::new(),
+            views: Views::default(),
             painted: None,
             settled: true,
             due: Instant::now(),
@@ -225,6 +240,7 @@ impl Shell {
     /// # Errors
     /// Returns the first error.
     pub(crate) fn end(mut self) -> Result<()> {
+        self.return_to_layout();
         if let Err(e) = self.workspace.keep() {
             output::to_stderr(format_args!("note: the layout was not saved: {e}"));
         }
@@ -232,7 +248,8 @@ impl Shell {
             // Errors of scans opened in the window were shown there.
             Stage::Failed(e) if self.is_first => Err(e.clone()),
             Stage::Loading(_) if self.is_first => Err(Error::cancelled("loading")),
-            Stage::Failed(_) | Stage::Loading(_) | Stage::Flying(_) | Stage::Over => Ok(()),
+            Stage::Failed(_) | Stage::Loading(_) | Stage::Over => Ok(()),
+            Stage::Flying(_) => self.as_unflown(),
         };
         let closed = self.close();
         // Last, since it asks the window system, which may have gone.
@@ -273,6 +290,9 @@ impl Shell {
             Stage::Flying(mut controller) => {
                 controller.save_the_rest();
                 self.framebuffer = controller.flight_mut().views().take_presenter();
+                if self.unflown.take().is_some() {
+                    return Ok(());
+                }
                 let flight = controller.flight();
                 let logged = self.log.take().map_or(Ok(()), |l| l.finish(flight.flight().state));
                 if let Some(path) = self.session.take() {
@@ -296,61 +316,6 @@ impl Shell {
                 Ok(())
             }
         }
-    }
-
-    /// Opens another scan instead of the open one, or adds a file of answers to it.
-    fn open_scan(&mut self, path: PathBuf, series: Option<usize>, events: &ActiveEventLoop) {
-        if let Stage::Flying(c) = &mut self.stage
-            && path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"))
-        {
-            // No scan: answers to the candidates of this one.
-            c.load_answers(&path, Instant::now());
-            self.touched = true;
-            return;
-        }
-        let is_flying = matches!(self.stage, Stage::Flying(_));
-        self.open_asked(Asked { input: Some(path), series, is_flying, is_whole: false }, events);
-    }
-
-    /// Opens a scan instead of the open one.
-    fn open_asked(&mut self, asked: Asked, events: &ActiveEventLoop) {
-        let opening = match (self.open)(asked) {
-            Ok(opening) => opening,
-            Err(e) => {
-                match &mut self.stage {
-                    Stage::Flying(c) => c.say(e.to_string(), Instant::now()),
-                    Stage::Failed(shown) => *shown = e,
-                    Stage::Loading(_) | Stage::Over => output::to_stderr(format_args!("note: {e}")),
-                }
-                self.touched = true;
-                return;
-            }
-        };
-        if let Err(e) = self.close() {
-            output::to_stderr(format_args!("{e}"));
-            self.outcome = std::mem::replace(&mut self.outcome, Ok(())).and(Err(e));
-        }
-        // A cancelled progress stays cancelled.
-        self.progress = Arc::new(Progress::new());
-        match load(opening.prepare, &self.progress, &self.proxy) {
-            Ok(loading) => self.stage = Stage::Loading(loading),
-            Err(e) => return self.fail(e, events),
-        }
-        (self.opening, self.finish, self.resume) = (opening.input, Some(opening.finish), opening.resume);
-        self.series = opening.series;
-        (self.log_path, self.seconds, self.is_first) = (opening.log, opening.seconds, false);
-        (self.session, self.scan, self.laid_out, self.painted) = (None, None, None, None);
-        (self.flight_at, self.presented) = ([0; 4], PresentTimer::default());
-        self.slices_at.clear();
-        // It was about the scan that was open.
-        self.sheet = None;
-        if let Some(window) = &self.window {
-            window.set_title(&self.title());
-        }
-        if let Some(framebuffer) = &mut self.framebuffer {
-            framebuffer.forget_slices();
-        }
-        self.ask_for_picture();
     }
 
     /// Returns the title of the window: the scan, and the program.
@@ -399,7 +364,7 @@ impl Shell {
         // The wake-up may come from an earlier loading that was cancelled for this one.
         let Some(loaded) = loading.take() else { return Ok(()) };
         self.stage = Stage::Over;
-        let Ready { mut flight, session, notes } = match loaded {
+        let Ready { mut flight, session, mut notes, unflown } = match loaded {
             Ok(ready) => ready,
             Err(e) if self.progress.is_cancelled() => return Err(e),
             Err(e) => {
@@ -407,7 +372,9 @@ impl Shell {
                 return Ok(());
             }
         };
-        self.log = self.log_path.as_deref().map(Log::create).transpose()?;
+        if unflown.is_none() {
+            self.log = self.log_path.as_deref().map(Log::create).transpose()?;
+        }
         self.scan.clone_from(&session);
         // Without a guide there is no position from which another flight could continue.
         if self.resume != Resume::Never && flight.setup().scene.guide().is_some() {
@@ -448,6 +415,7 @@ impl Shell {
         controller.set_measures(measures);
         controller.set_answers_file(files.answers);
         controller.set_kinds_file(files.kinds);
+        controller.set_screenshots(settings::screenshots());
         if let Some(e) = &unread {
             output::to_stderr(format_args!("note: {e}"));
         }
@@ -457,6 +425,10 @@ impl Shell {
         } else if along.is_some() {
             let other = self.actions.hint("other-end", "starts from the other end");
             controller.say(format!("resumed where you left off{other}"), Instant::now());
+        }
+        match unflown {
+            Some(unflown) => self.look(&mut controller, unflown, &mut notes),
+            None => self.return_to_layout(),
         }
         self.workspace.warn(notes);
         // A window of a given size or time is that of a script.
@@ -549,7 +521,7 @@ impl Shell {
         let size = self.window_size();
         let content = match &mut self.stage {
             Stage::Loading(loading) => loading.content(),
-            Stage::Failed(e) => Content::Failed { text: e.to_string() },
+            Stage::Failed(e) => Content::Failed { text: Self::failed_text(e) },
             Stage::Flying(controller) => {
                 controller.scaled(size.pixels_a_point());
                 Content::Flight(Box::new(controller.hud(now)))
@@ -620,6 +592,7 @@ impl Shell {
         }
         self.flight_at = requests.flight_at().map_or([0; 4], |at| size.in_pixels(at));
         self.slices_at = requests.slices_at().iter().map(|(o, at)| (*o, size.in_pixels(*at))).collect();
+        self.views = Views { flight: requests.flight_at(), slices: requests.slices_at().to_vec() };
         self.laid_out = Some((content, size));
         self.laid_out_at = Some(now);
         match answer {
@@ -645,6 +618,9 @@ impl Shell {
                 Request::Slice(request) => {
                     if let Stage::Flying(controller) = &mut self.stage {
                         controller.slice(request, now);
+                        if let Some(place) = controller.take_start() {
+                            self.start_at(place, events);
+                        }
                     }
                 }
                 Request::Assist(request) => {
@@ -688,7 +664,10 @@ impl Shell {
         let moment = self.moment(now);
         match (action.effect, &mut self.stage) {
             (Effect::Window(request), _) => self.run_window(request, events),
-            (Effect::Once(_) | Effect::HandTo(_) | Effect::Overlay(_), Stage::Flying(c)) => c.perform(action, moment),
+            (Effect::Once(_) | Effect::HandTo(_) | Effect::Overlay(_), Stage::Flying(c)) => {
+                c.perform(action, moment);
+                self.photograph(now);
+            }
             (Effect::Own(entry), Stage::Flying(c)) => {
                 if let Some(requests) = c.begin_own(action, &entry, self.recent.scans(), now) {
                     self.follow(requests.into_iter(), now, events);

@@ -6,9 +6,10 @@ use std::sync::Arc;
 use bevy_ecs::prelude::Entity;
 use glam::DVec3;
 
+use super::framing::{self, Framing, TARGET_MM};
 use super::panels::SliceInput;
 use crate::app::FlightApp;
-use crate::components::slices::{Orientation, SliceView, ZOOMS};
+use crate::components::slices::{Orientation, SliceView};
 use crate::error::Result;
 use crate::render::slice::{Slab, SlabKind, Tint, Windowing};
 
@@ -33,6 +34,7 @@ pub(crate) struct Slices {
     entities: BTreeMap<Orientation, Entity>,
     /// The place pointed at and the camera's position at that time; `None` while the slices follow the flight.
     cursor: Option<(DVec3, DVec3)>,
+    framing: Framing,
     windowing: Windowing,
     slab: Slab,
     /// What lies over the scan that is flown through.
@@ -68,9 +70,19 @@ impl Slices {
         }
     }
 
+    /// Goes to a place, world mm: points at it, in the middle of every slice, with at least `span_mm` across it. When the slices
+    /// follow the flight again, they show what they showed before.
+    pub(crate) fn aim(&mut self, flight: &FlightApp, place: DVec3, span_mm: f64) {
+        if place.is_finite() {
+            self.point(flight, place);
+            self.framing.aim(span_mm.max(TARGET_MM));
+        }
+    }
+
     /// Follows the flight again.
     pub(crate) fn follow(&mut self) {
         self.cursor = None;
+        self.framing.leave();
     }
 
     /// Lays another scan's box over that which is flown through.
@@ -104,11 +116,14 @@ impl Slices {
             *from = pose.position;
         }
         if self.cursor.is_some_and(|c| c.1.distance(pose.position) > LEAVES_MM) {
-            self.cursor = None;
+            self.follow();
         }
         let gone: Vec<Orientation> =
             self.entities.keys().copied().filter(|o| !wanted.iter().any(|w| w.0 == *o)).collect();
-        for entity in gone.into_iter().filter_map(|o| self.entities.remove(&o)) {
+        for entity in gone.into_iter().filter_map(|o| {
+            self.framing.forget(o);
+            self.entities.remove(&o)
+        }) {
             flight.app_mut().world.despawn(entity);
         }
         for (orientation, size) in wanted {
@@ -129,6 +144,7 @@ impl Slices {
             (view.slab, view.patch) = (self.slab, self.patch);
             view.tint.clone_from(&self.tint);
             view.marks = self.marks;
+            self.framing.apply(&mut view, &grid, &pose);
             stale |= view.is_stale(&grid, &pose);
         }
         Ok(stale)
@@ -137,14 +153,20 @@ impl Slices {
     /// Executes a panel's request.
     pub(crate) fn ask(&mut self, flight: &mut FlightApp, request: SliceInput) {
         match request {
-            SliceInput::Click(place) | SliceInput::Point(place) => self.point(flight, place),
+            SliceInput::Click(place) | SliceInput::Point(place) | SliceInput::SetOut(place) => {
+                self.point(flight, place)
+            }
+            SliceInput::GoTo(place, span_mm) => self.aim(flight, place, span_mm),
             SliceInput::Scroll(orientation, notches) => self.scroll(flight, orientation, notches),
             SliceInput::Pan(orientation, [right, down]) => self.change(flight, orientation, |view| {
                 view.pan_mm = [view.pan_mm[0] + right, view.pan_mm[1] + down];
             }),
-            SliceInput::Zoom(orientation, notches) => self.change(flight, orientation, |view| {
-                view.zoom = (view.zoom * CLOSER.powf(notches)).clamp(ZOOMS[0], ZOOMS[1]);
-            }),
+            SliceInput::Zoom(orientation, notches, about) => {
+                let (grid, pose) = (flight.setup().volume.voxels().grid().clone(), flight.pose());
+                self.change(flight, orientation, |view| {
+                    framing::zoom_about(view, &grid, &pose, CLOSER.powf(notches), about);
+                });
+            }
             SliceInput::Window([right, up]) => {
                 let width = (self.windowing.width() * (right / DOUBLES).exp2()).clamp(WIDTHS[0], WIDTHS[1]);
                 let level = self.windowing.level() + up * self.windowing.width() / (4.0 * DOUBLES);
@@ -193,6 +215,7 @@ impl Slices {
     /// Resets window, slab, magnification and pan.
     pub(crate) fn reset(&mut self, flight: &mut FlightApp) {
         (self.windowing, self.slab) = (Windowing::default(), Slab::default());
+        self.framing.settle();
         for orientation in Orientation::ALL {
             self.change(flight, orientation, |view| (view.pan_mm, view.zoom) = ([0.0; 2], 1.0));
         }
@@ -212,5 +235,51 @@ impl Slices {
             SlabKind::Min => SlabKind::Mean,
         };
         self.slab = Slab::new(self.slab.mm(), kind).unwrap_or_default();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Instant;
+
+    use super::*;
+    use crate::host::window::controller::FlightController;
+    use crate::host::window::controller::tests::{controller, perform};
+    use crate::render::ImageSize;
+
+    const SHOWN: [(Orientation, [usize; 2]); 2] = [(Orientation::Axial, [64, 48]), (Orientation::Coronal, [64, 48])];
+
+    /// Draws the slices. Returns what they show: mm per pixel, and where `place` is, pixels.
+    fn drawn(c: &mut FlightController, place: DVec3, now: Instant) -> Vec<(f64, [f64; 2])> {
+        // Each frame draws one of them.
+        for _ in SHOWN {
+            let due = c.prepare(ImageSize::new(32, 24), &SHOWN, now).unwrap();
+            c.show(due).unwrap();
+        }
+        let slices = SHOWN.map(|s| c.slices().view(c.flight(), s.0).unwrap().shown().unwrap());
+        slices.map(|s| (s.mm_per_pixel, s.pixel(place).0)).to_vec()
+    }
+
+    #[test]
+    fn a_place_that_is_gone_to_is_in_the_middle_at_its_own_scale_until_the_flight_goes_on() {
+        let (mut c, now) = (controller("tentacles"), Instant::now());
+        let place = DVec3::new(9.0, 30.0, 22.0);
+        let before = drawn(&mut c, place, now);
+        c.slice(SliceInput::GoTo(place, 0.0), now);
+        let there = drawn(&mut c, place, now);
+        for (n, (mm_per_pixel, [x, y])) in there.iter().enumerate() {
+            assert!((x - 32.0).abs() < 1e-6 && (y - 24.0).abs() < 1e-6, "{x} {y}");
+            // The scan of this flight is 32 mm wide: less than 60 mm, it is not made smaller.
+            assert!((mm_per_pixel - before[n].0.min(60.0 / 48.0)).abs() < 1e-6, "{mm_per_pixel}");
+        }
+        assert_ne!(there, before);
+        perform(&mut c, "pause", now);
+        assert_eq!(drawn(&mut c, place, now), before);
+        // By the wheel, the point under the pointer stays.
+        let pixel = before[0].1;
+        c.slice(SliceInput::Zoom(Orientation::Axial, 5.0, place), now);
+        let closer = drawn(&mut c, place, now)[0];
+        assert!((closer.1[0] - pixel[0]).abs() < 1e-6 && (closer.1[1] - pixel[1]).abs() < 1e-6);
+        assert!(closer.0 < before[0].0 * 0.6);
     }
 }

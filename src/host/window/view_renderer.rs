@@ -1,11 +1,13 @@
 //! Renders a flight's image for a window. It has as much detail as the frame time allows while the camera moves, is refined at
 //! rest, and is not rendered again once it is complete.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use bevy_ecs::prelude::Entity;
 
 use super::moving::{Moving, MovingPictures};
+use super::photograph::Photograph;
 use super::screenshot_renderer::{PictureRequest, ScreenshotRenderer, Traced, WakeUp};
 use crate::app::FlightApp;
 use crate::components::camera::Pose;
@@ -141,7 +143,19 @@ impl ViewRenderer {
     /// Requests that the image of a window of the given size is saved: the displayed one once it is complete, or, if the camera
     /// moves on before that, a separately rendered one.
     pub(crate) fn order_to_save(&mut self, flight: &FlightApp, window: ImageSize) {
-        let Some(request) = PictureRequest::of(flight, window) else { return };
+        if let Some(request) = PictureRequest::of(flight, window) {
+            self.order(flight, window, request);
+        }
+    }
+
+    /// Requests that the `views` of a window are saved, with the flight's picture of the given size among them.
+    pub(crate) fn order_photograph(&mut self, flight: &FlightApp, size: ImageSize, views: Photograph) {
+        if let Some(request) = PictureRequest::of(flight, size) {
+            self.order(flight, size, PictureRequest { views: Some(Arc::new(views)), ..request });
+        }
+    }
+
+    fn order(&mut self, flight: &FlightApp, window: ImageSize, request: PictureRequest) {
         let here = self.shown.zip(Shown::now(flight, window)).is_some_and(|(shown, now)| shown.is(&now));
         match self.image(flight).filter(|_| here && !self.is_refining(flight)) {
             Some(frame) => self.to_save.push(Traced { request, frame: frame.clone() }),
@@ -274,8 +288,6 @@ fn same(a: &Pose, b: &Pose) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use glam::DVec3;
 
     use super::*;

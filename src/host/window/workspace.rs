@@ -1,5 +1,7 @@
 //! The workspace: which panels are shown, and where. A layout is a row of tiles with draggable dividers between them.
 
+mod showing;
+
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -776,6 +778,10 @@ mod tests {
         let [Request::Slice(SliceInput::Click(place))] = asked.take()[..] else { panic!("a click in the slice") };
         let offset = f64::from(axial.center().x - axial.min.x) - slice.pixel(place).0[0];
         assert!(offset.abs() < 1e-3 && slice.pixel(place).1.abs() < 1e-9);
+        // Pressed again, it is a double click.
+        lay_out(&mut w, &mut interface, &controller, press(axial.center(), false));
+        let asked = lay_out(&mut w, &mut interface, &controller, press(axial.center(), true)).take();
+        assert_eq!(asked, [Request::Slice(SliceInput::SetOut(place))]);
         // A drag in the flight's picture looks around.
         lay_out(&mut w, &mut interface, &controller, press(axial.center(), false));
         let mut events = press(flight.center(), true);

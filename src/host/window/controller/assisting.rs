@@ -204,7 +204,7 @@ impl FlightController {
         }
         self.say(told, now);
         // The camera has moved before the slices left for the place.
-        self.slices.point(&self.flight, entry.candidate.position);
+        self.slices.aim(&self.flight, entry.candidate.position, 0.0);
         self.figures.touch();
         self.quiet = 0;
     }

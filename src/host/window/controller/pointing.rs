@@ -29,8 +29,13 @@ impl FlightController {
             SliceInput::Click(place) if self.measures.is_on() => return self.measure(place, now),
             SliceInput::Click(place) if self.measures_lesions() => return self.measure_lesion(place, now),
             // A drag that began at a place that was measured.
+            SliceInput::SetOut(place) if self.measures.is_on() => return self.measure(place, now),
+            SliceInput::SetOut(place) if self.measures_lesions() => return self.measure_lesion(place, now),
             SliceInput::Point(_) if self.measures.is_on() || self.measures_lesions() => return,
-            SliceInput::Click(place) | SliceInput::Point(place) => Some(place),
+            SliceInput::Click(place)
+            | SliceInput::Point(place)
+            | SliceInput::SetOut(place)
+            | SliceInput::GoTo(place, _) => Some(place),
             SliceInput::Scroll(..) => None,
             SliceInput::Pan(..) | SliceInput::Zoom(..) | SliceInput::Window(_) => {
                 self.slices.ask(&mut self.flight, request);
@@ -46,6 +51,9 @@ impl FlightController {
         // If the camera fits there, it moves along.
         if let Some(place) = points.filter(|_| self.flight.setup().scene.play().is_none()) {
             self.go(place, now);
+        }
+        if let SliceInput::SetOut(place) = request {
+            self.set_out_at(place, now);
         }
         self.attention = true;
         self.quiet = 0;
@@ -155,7 +163,10 @@ impl FlightController {
 
     /// Flies towards a visible point of the wall and looks at it.
     pub(super) fn look_at(&mut self, at: [f64; 2], now: Instant) {
-        let Some(place) = self.place_at(at).filter(|_| self.flight.setup().scene.play().is_none()) else { return };
+        if self.flight.setup().scene.play().is_some() {
+            return self.say("a log is replayed: the camera goes where it went", now);
+        }
+        let Some(place) = self.place_at(at) else { return self.say("no wall there to fly to", now) };
         self.stop(now);
         self.slices.point(&self.flight, place);
         self.travel = Some(Travel::to_look_at(self.flight.pose(), place, now));
@@ -167,7 +178,11 @@ impl FlightController {
         let Some(travel) = &self.travel else { return };
         let (pose, over) = travel.at(now);
         // If it does not fit, it stops at the last position that did and looks from there.
-        if self.flight.act(go_to(pose)).is_err() || over {
+        let fits = self.flight.act(go_to(pose)).is_ok();
+        if !fits {
+            self.say("as near as the camera fits", now);
+        }
+        if !fits || over {
             self.travel = None;
         }
         self.quiet = 0;

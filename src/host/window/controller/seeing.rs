@@ -116,7 +116,7 @@ impl FlightController {
             && self.flight.stops_reached() > 0
         {
             self.stop(now);
-            self.slices.point(&self.flight, place);
+            self.slices.aim(&self.flight, place, 0.0);
         }
     }
 
@@ -135,7 +135,7 @@ impl FlightController {
             told.push_str(", and no place to see it from");
         }
         self.say(told, now);
-        self.slices.point(&self.flight, patch.position);
+        self.slices.aim(&self.flight, patch.position, 0.0);
         self.figures.touch();
         self.quiet = 0;
     }

@@ -6,7 +6,7 @@ use glam::DVec3;
 use super::candidates::Marking;
 use super::{Context, FlightInput, Panel, PanelEntry, Requests, candidates, measures, notches};
 use crate::components::output::Picture;
-use crate::host::window::overlay::{self, Severity};
+use crate::host::window::overlay::{self, HudState, Severity};
 use crate::space::first_crossing;
 
 /// Its entry in the table.
@@ -20,10 +20,10 @@ pub const PANEL: PanelEntry = PanelEntry {
 };
 
 /// Largest distance, points, and longest time, s, between press and release of a click.
-const CLICK: f32 = 4.0;
+pub(super) const CLICK: f32 = 4.0;
 const PRESS_S: f64 = 0.5;
 /// Longest time between the two clicks of a double click, s.
-const TWICE_S: f64 = 0.45;
+pub(super) const TWICE_S: f64 = 0.45;
 /// A place is visible if the wall is at most this far in front of it, mm.
 const SEEN_MM: f64 = 1.0;
 
@@ -50,6 +50,9 @@ pub struct FlightPanel {
 impl Panel for FlightPanel {
     fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
         let rect = ui.available_rect_before_wrap();
+        if let Some(why) = context.controller.unflown() {
+            return overlay::unflown(&ui.painter_at(rect), rect, why, context.hud.message.as_deref());
+        }
         // Tab must not reach it: its keys belong to the flight.
         ui.allocate_rect(rect, Sense::CLICK | Sense::DRAG);
         self.mouse(ui, rect, requests);
@@ -115,6 +118,18 @@ impl FlightPanel {
                 }
                 _ => {}
             }
+        }
+    }
+}
+
+/// Draws what is over the flight's picture in a rectangle of the window, without a panel.
+pub(in crate::host::window) fn draw_alone(context: &Context<'_>, ui: &Ui, rect: Rect, hud: &HudState) {
+    let p = ui.painter_at(rect);
+    match context.controller.unflown() {
+        Some(why) => overlay::unflown(&p, rect, why, None),
+        None => {
+            marks(context, &p, rect);
+            overlay::flight(&p, rect, hud, false);
         }
     }
 }

@@ -14,6 +14,9 @@ pub const PANEL: PanelEntry =
 /// green.
 const COLOUR: Color32 = Color32::from_rgb(255, 255, 255);
 
+/// What slices show of a distance that is gone to, as a multiple of its length.
+const AROUND: f64 = 1.5;
+
 struct MeasuresPanel;
 
 impl Panel for MeasuresPanel {
@@ -39,7 +42,7 @@ impl Panel for MeasuresPanel {
                     }
                     let name = format!("{}.  {}", n + 1, m.text());
                     if ui.button(name).on_hover_text("show it in the slices").clicked() {
-                        requests.point(m.from.midpoint(m.to));
+                        requests.go_to(m.from.midpoint(m.to), AROUND * m.mm());
                     }
                 });
             }

@@ -291,12 +291,16 @@ pub enum SliceInput {
     Click(DVec3),
     /// Point at a place, world mm.
     Point(DVec3),
+    /// Go to a place, world mm, or tell why the camera cannot; without a flight, start one there.
+    SetOut(DVec3),
     /// Scroll by a number of layers, towards the viewer.
     Scroll(Orientation, f64),
     /// Move the image to the right and downwards, mm.
     Pan(Orientation, [f64; 2]),
-    /// Magnify by a number of wheel notches.
-    Zoom(Orientation, f64),
+    /// Magnify by a number of wheel notches about a place, world mm, which stays where it is in the image.
+    Zoom(Orientation, f64, DVec3),
+    /// Go to a place, world mm: point at it, in the middle of every slice, with at least so many mm across it.
+    GoTo(DVec3, f64),
     /// Adjust the grey-level window by a drag in pixels: to the right widens it, upwards raises it.
     Window([f64; 2]),
 }
@@ -351,6 +355,11 @@ impl Requests {
     /// Points at a place, world mm. All views show it until the flight continues.
     pub fn point(&mut self, place: DVec3) {
         self.slice(SliceInput::Point(place));
+    }
+
+    /// Goes to a place, world mm: all views show it until the flight continues, the slices with at least `span_mm` around it.
+    pub(super) fn go_to(&mut self, place: DVec3, span_mm: f64) {
+        self.slice(SliceInput::GoTo(place, span_mm));
     }
 
     /// Deletes a measure, by its number.

@@ -1,12 +1,13 @@
 //! Slice panels: cross-sections that follow the flight or a place pointed at.
 //!
-//! A click points at a place. A right drag adjusts the grey-level window. A middle drag (or Shift and a drag) moves the image.
-//! The wheel scrolls through the layers, and with Ctrl it magnifies.
+//! A click points at a place, and a double click sets out there. A right drag adjusts the grey-level window. A middle drag (or Shift and a drag) moves the image.
+//! The wheel scrolls through the layers, and with Ctrl it magnifies about the pointer.
 
 use egui::{Align2, Color32, Event, Painter, PointerButton, Pos2, Rect, Sense, Stroke, Ui, Vec2, pos2, vec2};
 use glam::DVec3;
 
 use super::candidates::Marking;
+use super::flight::{CLICK, TWICE_S};
 use super::{Context, Panel, PanelEntry, Requests, SliceInput, candidates, measures, notches};
 use crate::components::slices::{Orientation, SliceView};
 use crate::host::window::overlay::{ACCENT, INK, SOFT, Severity, TEXT, label, text};
@@ -56,7 +57,7 @@ const MARGIN: f32 = 6.0;
 const BARS: [f64; 9] = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0];
 
 fn panel(orientation: Orientation) -> Box<dyn Panel> {
-    Box::new(SlicePanel { orientation, drag: None, pointer: None })
+    Box::new(SlicePanel::new(orientation))
 }
 
 /// Effect of a mouse drag.
@@ -71,6 +72,8 @@ struct SlicePanel {
     orientation: Orientation,
     drag: Option<Drag>,
     pointer: Option<Pos2>,
+    /// The last press, and its time, s.
+    pressed: Option<(Pos2, f64)>,
 }
 
 /// A slice in a rectangle of the window.
@@ -109,7 +112,19 @@ impl Panel for SlicePanel {
     }
 }
 
+/// Draws what is over a slice in a rectangle of the window, without a panel.
+pub(in crate::host::window) fn draw_alone(context: &Context<'_>, ui: &Ui, orientation: Orientation, rect: Rect) {
+    if let Some((view, slice)) = context.slice(orientation).and_then(|view| Some((view, view.shown()?))) {
+        let placed = Placed { slice, rect, scale: ui.pixels_per_point() };
+        SlicePanel::new(orientation).draw(context, &ui.painter_at(rect), view, placed, ui);
+    }
+}
+
 impl SlicePanel {
+    fn new(orientation: Orientation) -> Self {
+        Self { orientation, drag: None, pointer: None, pressed: None }
+    }
+
     fn mouse(&mut self, ui: &Ui, rect: Rect, placed: Option<Placed>, requests: &mut Requests) {
         let here = |at: Pos2| rect.contains(at) && ui.ctx().layer_id_at(at).is_none_or(|l| l == ui.layer_id());
         // A press outside an open menu closes it, and does nothing else.
@@ -120,7 +135,7 @@ impl SlicePanel {
                 requests.slice(SliceInput::Point(placed.world(at)));
             }
         };
-        let (events, down) = ui.input(|i| (i.events.clone(), i.pointer.any_down()));
+        let (events, time, down) = ui.input(|i| (i.events.clone(), i.time, i.pointer.any_down()));
         if !down && !events.iter().any(|e| matches!(e, Event::PointerButton { .. })) {
             // The button was released while this panel was not shown.
             self.drag = None;
@@ -150,7 +165,11 @@ impl SlicePanel {
                         PointerButton::Extra1 | PointerButton::Extra2 => None,
                     };
                     if let Some(placed) = placed.filter(|_| self.drag == Some(Drag::Point)) {
-                        requests.slice(SliceInput::Click(placed.world(pos)));
+                        let near = |p: (Pos2, f64)| p.0.distance(pos) <= CLICK && time - p.1 <= TWICE_S;
+                        let twice = self.pressed.take().is_some_and(near);
+                        let place = placed.world(pos);
+                        requests.slice(if twice { SliceInput::SetOut(place) } else { SliceInput::Click(place) });
+                        self.pressed = (!twice).then_some((pos, time));
                     }
                 }
                 Event::PointerButton { pressed: false, .. } | Event::WindowFocused(false) => self.drag = None,
@@ -158,11 +177,12 @@ impl SlicePanel {
                 Event::MouseWheel { unit, delta, modifiers, .. } if self.pointer.is_some_and(here) => {
                     let notches = notches(unit, delta, scale);
                     let zooms = modifiers.command || modifiers.ctrl;
-                    requests.slice(if zooms {
-                        SliceInput::Zoom(self.orientation, notches)
-                    } else {
-                        SliceInput::Scroll(self.orientation, notches)
-                    });
+                    let about = self.pointer.zip(placed).map(|(at, placed)| placed.world(at));
+                    match about.filter(|_| zooms) {
+                        Some(about) => requests.slice(SliceInput::Zoom(self.orientation, notches, about)),
+                        None if zooms => {}
+                        None => requests.slice(SliceInput::Scroll(self.orientation, notches)),
+                    }
                 }
                 _ => {}
             }

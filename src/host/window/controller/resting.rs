@@ -1,0 +1,164 @@
+//! A scan without a flight: its slices are looked at, and a double click into gas asks for a flight there.
+
+use std::time::Instant;
+
+use glam::DVec3;
+
+use super::FlightController;
+use crate::components::input::HandCommand;
+use crate::host::window::actions::WhyNot;
+use crate::space::value;
+
+impl FlightController {
+    /// Lets the camera rest, because the scan cannot be flown. `why` is shown in place of its picture.
+    pub(crate) fn rest(&mut self, why: String, now: Instant) {
+        self.act(HandCommand::Pause(true), now);
+        self.message = None;
+        self.unflown = Some(why);
+    }
+
+    /// Returns why the scan cannot be flown; `None` if it can.
+    pub(crate) fn unflown(&self) -> Option<&str> {
+        self.unflown.as_deref()
+    }
+
+    /// Checks whether there is a flight. The error tells why not.
+    pub(crate) fn may_fly(&self) -> Result<(), WhyNot> {
+        if self.unflown.is_some() { Err("there is no flight".into()) } else { Ok(()) }
+    }
+
+    /// Takes the place (world, mm) where a flight was asked for.
+    pub(crate) fn take_start(&mut self) -> Option<DVec3> {
+        self.start_at.take()
+    }
+
+    /// Goes to a place of a slice (world, mm), or tells why not. Without a flight, one starts there.
+    pub(super) fn set_out_at(&mut self, place: DVec3, now: Instant) {
+        self.attention = true;
+        let volume = self.flight.shown_scan();
+        let grid = volume.voxels().grid();
+        let (voxel, last) = (grid.voxel(place), DVec3::from_array(grid.dims().map(|n| n as f64 - 1.0)));
+        let is_inside = voxel.cmpge(DVec3::ZERO).all() && voxel.cmple(last).all();
+        let is_gas = is_inside && f64::from(value(volume, place)) < volume.transfer().iso();
+        if self.flight.setup().scene.play().is_some() {
+            self.say("a log is replayed: the camera goes where it went", now);
+        } else if !is_gas {
+            let there =
+                if self.unflown.is_some() { "the flight starts in gas" } else { "the camera stays where it is" };
+            self.say(format!("no gas there: {there}"), now);
+        } else if self.unflown.is_some() {
+            self.start_at = Some(place);
+        } else if self.flight.setup().lumen.segment_at(place).is_none() {
+            let kinds = self.actions.hint("kinds", "shows which gas is");
+            self.say(format!("this gas is not part of the colon{kinds}"), now);
+        } else if self.flight.pose().position.distance(place) > ARRIVED_MM {
+            self.say("too narrow there: the camera stays where it is", now);
+        }
+    }
+}
+
+/// A camera that is nearer than this to a place has gone there, mm: it may drift away from a wall.
+const ARRIVED_MM: f64 = 2.0;
+
+#[cfg(test)]
+mod tests {
+    use std::rc::Rc;
+
+    use glam::DMat3;
+
+    use super::*;
+    use crate::app::{OpenOptions, Scan, Scene};
+    use crate::components::slices::Orientation;
+    use crate::host::window::actions::{ActionContext, Effect};
+    use crate::host::window::controller::tests::{cockpit_of, controller};
+    use crate::host::window::panels::{FlightInput, SliceInput};
+    use crate::render::ImageSize;
+    use crate::volume::{Grid, Volume};
+
+    /// The middle of a bubble of gas of 8 mm, too small for a colon.
+    const BUBBLE: DVec3 = DVec3::new(30.0, 24.0, 20.0);
+
+    fn without_colon() -> FlightController {
+        let grid = Grid::new([48, 48, 40], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        let at = |n: usize| DVec3::new((n % 48) as f64, (n / 48 % 48) as f64, (n / (48 * 48)) as f64);
+        let data = (0..48 * 48 * 40).map(|n| if at(n).distance(BUBBLE) < 4.0 { -1000 } else { 40 }).collect();
+        let mut scan = Scan::of(Volume::new(grid, data), &OpenOptions::default()).unwrap();
+        let scene = Scene { picture: true, operator: true, ..Scene::guided_by("tentacles") };
+        assert!(scan.flight(scene.clone(), &Default::default()).is_err());
+        let mut c = cockpit_of(scan.at_rest(scene).unwrap(), 0.0, Vec::new());
+        c.rest("No colon was found.".to_owned(), Instant::now());
+        c
+    }
+
+    #[test]
+    fn slices_of_a_scan_without_a_colon_are_shown_and_a_flight_is_asked_for_in_gas() {
+        let (mut c, now) = (without_colon(), Instant::now());
+        let slices = Orientation::ALL.map(|o| (o, [40, 30]));
+        let drawn = |c: &mut FlightController, now: Instant| {
+            c.advance(now).unwrap();
+            let due = c.prepare(ImageSize::new(0, 0), &slices, now).unwrap();
+            let any = due.is_some();
+            c.show(due).unwrap();
+            any
+        };
+        assert!(drawn(&mut c, now));
+        for (orientation, _) in slices {
+            let view = c.slices().view(c.flight(), orientation).unwrap();
+            assert!(view.frame.pixels().iter().any(|p| p[0] > 60), "{orientation:?}");
+        }
+        assert_eq!(c.hud(now).state, "no flight");
+        // Clicks point at places, and only a double click into gas asks for a flight.
+        let tissue = DVec3::new(10.0, 10.0, 10.0);
+        c.slice(SliceInput::Click(BUBBLE), now);
+        assert_eq!((c.slices().cursor(), c.take_start()), (Some(BUBBLE), None));
+        for place in [tissue, DVec3::splat(-500.0), DVec3::NAN] {
+            c.slice(SliceInput::SetOut(place), now);
+            assert_eq!(c.take_start(), None);
+            assert_eq!(c.hud(now).message.as_deref(), Some("no gas there: the flight starts in gas"));
+        }
+        c.slice(SliceInput::SetOut(BUBBLE), now);
+        assert_eq!((c.take_start(), c.take_start()), (Some(BUBBLE), None));
+        // At rest, nothing is computed.
+        let mut late = now;
+        for _ in 0..200 {
+            late += std::time::Duration::from_millis(25);
+            drawn(&mut c, late);
+        }
+        assert!(c.rests(), "it sleeps");
+    }
+
+    #[test]
+    fn every_action_is_harmless_without_a_flight() {
+        let (mut c, mut now) = (without_colon(), Instant::now());
+        let actions = Rc::clone(&c.actions);
+        let before = c.flight().pose().position;
+        for action in actions.list() {
+            let action = actions.named(&action[0]).unwrap();
+            if !matches!(action.effect, Effect::Hold(_) | Effect::Window(_) | Effect::Gesture) {
+                c.perform(action, ActionContext { window: ImageSize::new(0, 0), now });
+            }
+            now += std::time::Duration::from_millis(25);
+            c.advance(now).unwrap();
+            c.hud(now);
+        }
+        assert!(c.flight().pose().position.distance(before) < 1e-9);
+    }
+
+    #[test]
+    fn a_double_click_that_leads_nowhere_is_told() {
+        let (mut c, now) = (controller("tentacles"), Instant::now());
+        let told = |c: &mut FlightController, place: [f64; 3]| {
+            c.message = None;
+            c.slice(SliceInput::SetOut(DVec3::from_array(place)), now);
+            c.hud(now).message
+        };
+        let tissue = told(&mut c, [2.0, 40.0, 16.0]);
+        assert_eq!(tissue.as_deref(), Some("no gas there: the camera stays where it is"));
+        assert_eq!(told(&mut c, [17.0, 40.0, 15.0]), None, "it went there");
+        assert!(told(&mut c, [6.2, 60.0, 15.0]).is_some_and(|t| t.starts_with("too narrow there")));
+        // In the flight's picture, a ray that meets no wall.
+        c.message = None;
+        c.follow(FlightInput::LookAt([f64::NAN, 0.0]), ActionContext { window: ImageSize::new(8, 8), now });
+        assert_eq!(c.hud(now).message.as_deref(), Some("no wall there to fly to"));
+    }
+}

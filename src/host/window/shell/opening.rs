@@ -1,0 +1,75 @@
+//! Opens another scan in the window.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+use winit::event_loop::ActiveEventLoop;
+
+use super::{Shell, Stage, load};
+use crate::host::window::Asked;
+use crate::host::window::present_timer::PresentTimer;
+use crate::output;
+use crate::progress::Progress;
+
+impl Shell {
+    /// Opens another scan instead of the open one, or adds a file of answers to it.
+    pub(super) fn open_scan(&mut self, path: PathBuf, series: Option<usize>, events: &ActiveEventLoop) {
+        if let Stage::Flying(c) = &mut self.stage
+            && path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"))
+        {
+            // No scan: answers to the candidates of this one.
+            c.load_answers(&path, Instant::now());
+            self.touched = true;
+            return;
+        }
+        let is_flying = matches!(self.stage, Stage::Flying(_)) && self.unflown.is_none();
+        self.open_asked(Asked { input: Some(path), series, is_flying, is_whole: false }, events);
+    }
+
+    /// Opens a scan instead of the open one.
+    pub(super) fn open_asked(&mut self, asked: Asked, events: &ActiveEventLoop) {
+        let opening = match (self.open)(asked) {
+            Ok(opening) => opening,
+            Err(e) => {
+                match &mut self.stage {
+                    Stage::Flying(c) => c.say(e.to_string(), Instant::now()),
+                    Stage::Failed(shown) => *shown = e,
+                    Stage::Loading(_) | Stage::Over => output::to_stderr(format_args!("note: {e}")),
+                }
+                self.touched = true;
+                return;
+            }
+        };
+        if let Err(e) = self.close() {
+            output::to_stderr(format_args!("{e}"));
+            self.outcome = std::mem::replace(&mut self.outcome, Ok(())).and(Err(e));
+        }
+        // A cancelled progress stays cancelled.
+        self.progress = Arc::new(Progress::new());
+        match load(opening.prepare, &self.progress, &self.proxy) {
+            Ok(loading) => self.stage = Stage::Loading(loading),
+            Err(e) => return self.fail(e, events),
+        }
+        (self.opening, self.finish, self.resume) = (opening.input, Some(opening.finish), opening.resume);
+        self.series = opening.series;
+        (self.log_path, self.seconds, self.is_first) = (opening.log, opening.seconds, false);
+        self.forget_pictures();
+        if let Some(window) = &self.window {
+            window.set_title(&self.title());
+        }
+        self.ask_for_picture();
+    }
+
+    /// Forgets what is shown of a scan that is closed.
+    pub(super) fn forget_pictures(&mut self) {
+        (self.session, self.scan, self.laid_out, self.painted) = (None, None, None, None);
+        (self.flight_at, self.presented) = ([0; 4], PresentTimer::default());
+        self.slices_at.clear();
+        // It was about the scan that was open.
+        self.sheet = None;
+        if let Some(framebuffer) = &mut self.framebuffer {
+            framebuffer.forget_slices();
+        }
+    }
+}
