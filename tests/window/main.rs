@@ -602,15 +602,13 @@ fn a_scan_without_a_colon_is_read_in_slices_and_flown_where_gas_is_clicked() {
     // The layout has no slice, and is there again for the flight.
     let args = ["fly", "s.nii", "--size", "640x480", "--layout", "flight", "--log", "f.jsonl"];
     let mut window = screen.open_window(folder, &args, |i| share(i, is_tissue) > 0.15);
-    // The gas is between tissue above and below, beside the crosshair of the axial slice.
+    // The gas is the longest run without tissue, beside the crosshair of the axial slice. Letters are shorter.
     let shot = screen.shot_when("slices", |i| share(i, is_tissue) > 0.15);
-    let column: Vec<bool> = (60..280).map(|y| is_tissue(shot.get_pixel(508, y).0)).collect();
-    let first = column.iter().position(|t| *t).unwrap();
-    let gas = first + column[first..].iter().position(|t| !*t).unwrap();
-    let end = gas + column[gas..].iter().position(|t| *t).unwrap();
-    assert!(end - gas > 15, "{first} {gas} {end}");
-    let y = (60 + (gas + end) / 2).to_string();
-    screen.tool("xdotool", &["mousemove", "508", &y, "click", "--repeat", "2", "--delay", "80", "1"]);
+    let tissue: Vec<u32> = (90..280).filter(|y| is_tissue(shot.get_pixel(512, *y).0)).collect();
+    let gas = tissue.windows(2).max_by_key(|w| w[1] - w[0]).unwrap();
+    assert!(gas[1] - gas[0] > 30, "{gas:?}");
+    let y = u32::midpoint(gas[0], gas[1]).to_string();
+    screen.tool("xdotool", &["mousemove", "512", &y, "click", "--repeat", "2", "--delay", "80", "1"]);
     screen.shot_when("the flight", |i| share(i, is_bar) > 0.0 && share(i, is_tissue) < 0.05);
     screen.key("ctrl+q");
     let status = window.wait();
