@@ -406,7 +406,7 @@ mod tests {
         let unflown = shown.unflown.unwrap();
         assert_eq!(unflown.why.kind, Kind::Incomplete);
         // What nobody looks at fails as it does without a window.
-        let timed = opened(&FlyArgs { seconds: Some(1.0), ..args.clone() }).map(drop).unwrap_err();
+        let timed = opened(&FlyArgs { seconds: Some(1.0), ..args }).map(drop).unwrap_err();
         assert_eq!(timed.to_string(), unflown.why.to_string());
         // In gas a flight starts there, and elsewhere the slices stay.
         let begin = |place| (unflown.start_at)(place)(&Arc::new(Progress::new())).unwrap();

@@ -154,7 +154,7 @@ impl Slices {
     pub(crate) fn ask(&mut self, flight: &mut FlightApp, request: SliceInput) {
         match request {
             SliceInput::Click(place) | SliceInput::Point(place) | SliceInput::SetOut(place) => {
-                self.point(flight, place)
+                self.point(flight, place);
             }
             SliceInput::GoTo(place, span_mm) => self.aim(flight, place, span_mm),
             SliceInput::Scroll(orientation, notches) => self.scroll(flight, orientation, notches),
