@@ -9,7 +9,7 @@ use glam::DVec3;
 use crate::app::fields::Fields;
 use crate::app::plan::{self, FlightRequest, Plan};
 use crate::app::timings::Timings;
-use crate::app::{FlightApp, Scene, Setup, Steering};
+use crate::app::{FlightApp, Scene, Setup};
 use crate::components::play::Playback;
 use crate::error::{Error, Result};
 use crate::fields::cleanse::{self, Cleansed};
@@ -379,6 +379,7 @@ impl Scan {
     }
 
     /// Reports the progress of what follows elsewhere.
+    #[cfg(feature = "window")]
     pub(crate) fn report_to(&mut self, progress: &Arc<Progress>) {
         self.progress = Arc::clone(progress);
     }
@@ -388,12 +389,14 @@ impl Scan {
     ///
     /// # Errors
     /// Returns status 2 for an invalid scene, 4 if interrupted.
+    #[cfg(feature = "window")]
     pub(crate) fn at_rest(&mut self, scene: Scene) -> Result<FlightApp> {
         let grid = self.volume.voxels().grid();
         // A single slice has no lumen, and a scan without a colon one without segments.
         let lumen = self.lumen.clone().unwrap_or_else(|| Arc::new(Lumen::none(grid)));
         let middle = grid.world((DVec3::from_array(grid.dims().map(|n| n as f64)) - 1.0) * 0.5);
-        let scene = Scene { steering: Steering::Nobody, mines: None, watch: None, coverage: false, ..scene };
+        let scene =
+            Scene { steering: crate::app::Steering::Nobody, mines: None, watch: None, coverage: false, ..scene };
         let (volume, fields) = (self.volume.clone(), Fields::default());
         let (plan, cleansed, told) = (Plan::between(middle, middle, 1.0), self.cleansed.clone(), self.told.clone());
         self.fly(Setup { volume, lumen, plan, scene, fields, cleansed, told })
