@@ -240,7 +240,7 @@ impl Slices {
 
 #[cfg(test)]
 mod tests {
-    use std::time::Instant;
+    use std::time::{Duration, Instant};
 
     use super::*;
     use crate::host::window::controller::FlightController;
@@ -273,6 +273,11 @@ mod tests {
             assert!((mm_per_pixel - before[n].0.min(60.0 / 48.0)).abs() < 1e-6, "{mm_per_pixel}");
         }
         assert_ne!(there, before);
+        // The flight has been paused in its next step.
+        for n in 1..4 {
+            c.advance(now + Duration::from_millis(20 * n)).unwrap();
+        }
+        assert_eq!(drawn(&mut c, place, now), there);
         perform(&mut c, "pause", now);
         assert_eq!(drawn(&mut c, place, now), before);
         // By the wheel, the point under the pointer stays.
