@@ -332,8 +332,8 @@ const TABLE: &[Row] = &[
     },
     once("undo", "undo the last change to distances, answers or kinds", "Ctrl+Z", FlightController::undo),
     once("delete-last", "delete the last distance", "Delete", FlightController::delete_last_measure),
-    once("screenshot", "screenshot of all views", "Ctrl+S F12", FlightController::order_photograph),
-    once("picture", "picture of the flight alone, and its pose", "Ctrl+F12", FlightController::take_screenshot),
+    once("screenshot", "screenshot of all views", "Ctrl+S", FlightController::order_photograph),
+    once("picture", "picture of the flight alone, and its pose", "F12", FlightController::take_screenshot),
     Row { effect: Effect::Window(WindowRequest::Fullscreen), ..once("fullscreen", "full screen", "F11", |_, _| {}) },
     Row {
         shifted: "?",
