@@ -48,6 +48,10 @@ pub fn paint_unseen(
     mut slices: Query<&mut SliceView>,
 ) {
     let (coverage, mut paint, picture) = camera.into_inner();
+    // Another scan is shown than the one whose wall is watched, until that is.
+    if picture.as_ref().is_some_and(|p| p.scan.is_some() != coverage.is_beside()) {
+        return;
+    }
     if let Some(mut picture) = picture.filter(|p| p.traced)
         && let Some(view) = picture.view.clone()
     {

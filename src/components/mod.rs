@@ -1,6 +1,6 @@
 //! The components of a flight's entities.
 //!
-//! There is one scan entity ([`scan`]) and one camera entity ([`camera`], [`guide`], [`flight`], [`trail`]). A component
+//! There is one scan entity ([`scan`]) and one camera entity ([`camera`], [`guide`], [`flight`], [`trail`], [`still`]). A component
 //! that no plugin requests is not added to any entity.
 
 pub mod camera;
@@ -13,4 +13,5 @@ pub mod play;
 pub mod review;
 pub mod scan;
 pub mod slices;
+pub mod still;
 pub mod trail;

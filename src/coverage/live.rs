@@ -11,9 +11,9 @@ use std::sync::Arc;
 
 use bevy_ecs::prelude::*;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 
 use super::sight::{Eye, REACH, Sightline};
+use super::stretches::{INTO_GAS_MM, STRETCH_MM, stretches};
 use super::wall::Wall;
 use crate::dynamics::Attitude;
 use crate::error::Result;
@@ -22,6 +22,7 @@ use crate::fields::lumen::CoarseAlong;
 use crate::progress::Progress;
 use crate::render::camera::Perspective;
 use crate::space::PreparedVolume;
+use crate::volume::Volume;
 
 /// A hidden patch or block is asked again when the camera has moved by this share of its distance.
 const AGAIN: f32 = 0.03;
@@ -33,15 +34,11 @@ const RAY: u32 = 100;
 const CLOSE_MM: f32 = 25.0;
 /// Views that wait for their turn, at most: some mm of a flight.
 const WAITING: usize = 12;
-/// How far before a triangle the gas is that it belongs to, mm.
-const INTO_GAS_MM: f64 = 0.8;
 
 /// A place along the colon counts as passed, and what was not seen of its wall as missed, when the camera has come this near along the
 /// colon and has flown on so far, mm.
 const NEAR_MM: f64 = 40.0;
 const PASSED_MM: f32 = 60.0;
-/// Places along the colon are told apart by this length, mm.
-const STRETCH_MM: f64 = 5.0;
 /// How long what was missed stays painted when it was seen after all, s.
 const FADES_S: f32 = 3.0;
 
@@ -50,6 +47,10 @@ const FADES_S: f32 = 3.0;
 pub struct LiveCoverage {
     wall: Arc<Wall>,
     gas: Arc<Lumen>,
+    /// The gas that is flown while this is watched: the same, unless another scan is shown in its place.
+    pub(super) flown: Arc<Lumen>,
+    /// The scan whose wall this is, if it is not the one that is flown through.
+    pub(super) beside: Option<PreparedVolume>,
     camera: Perspective,
     fov_degrees: f64,
     /// Centroid and normal of each patch's middle, mm from the wall's origin.
@@ -82,6 +83,12 @@ pub struct LiveCoverage {
     taken: usize,
     /// Length of the line through the views, mm.
     odometer_mm: f32,
+    /// Number of views beside the trail that were taken.
+    pub(super) looked: usize,
+    /// Where the last view was, world mm.
+    pub(super) last: Option<DVec3>,
+    /// Time that the flight's clock has not counted, s.
+    pub(super) rested_s: f32,
     /// The view that is under way.
     now: Option<Looking>,
 }
@@ -114,8 +121,13 @@ impl LiveCoverage {
     /// # Errors
     /// Returns status 4 if interrupted or if the wall has more vertices than 32 bits can count.
     pub fn of(volume: &PreparedVolume, gas: &Arc<Lumen>, progress: &Progress) -> Result<Self> {
+        Self::in_voxels(volume.voxels(), volume.transfer().iso(), gas, progress)
+    }
+
+    /// The same for gas found in a volume, whose wall is at `iso` HU.
+    pub(super) fn in_voxels(volume: &Volume, iso: f64, gas: &Arc<Lumen>, progress: &Progress) -> Result<Self> {
         let all: Vec<usize> = (0..gas.segments.len()).collect();
-        let wall = Wall::of(volume.voxels(), gas, &all, volume.transfer().iso(), progress)?;
+        let wall = Wall::of(volume, gas, &all, iso, progress)?;
         let along = CoarseAlong::new(gas, progress)?;
         Self::new(Arc::new(wall), Arc::clone(gas), along)
     }
@@ -158,8 +170,13 @@ impl LiveCoverage {
             shares,
             taken: 0,
             odometer_mm: 0.0,
+            looked: 0,
+            last: None,
+            rested_s: 0.0,
             now: None,
             wall,
+            flown: Arc::clone(&gas),
+            beside: None,
             gas,
         })
     }
@@ -178,6 +195,7 @@ impl LiveCoverage {
     ///
     /// The next view is taken whenever one is done, unless too many wait.
     pub fn watch(&mut self, volume: &PreparedVolume, views: &[(DVec3, Attitude)], seconds: f64, work: u32) {
+        let volume = &self.scan(volume).clone();
         let mut left = work;
         loop {
             if self.now.is_none() {
@@ -191,6 +209,7 @@ impl LiveCoverage {
 
     /// Takes all views that have not been taken, one by one.
     pub fn catch_up(&mut self, volume: &PreparedVolume, views: &[(DVec3, Attitude)], seconds: f64) {
+        let volume = &self.scan(volume).clone();
         while self.taken < views.len() || self.now.is_some() {
             if self.now.is_none() {
                 self.take(views, self.taken + 1, seconds);
@@ -206,18 +225,29 @@ impl LiveCoverage {
             return;
         }
         for n in self.taken.max(1)..end {
-            let mm = views[n].0.distance(views[n - 1].0) as f32;
-            self.odometer_mm += if mm.is_finite() { mm } else { 0.0 };
+            self.moved(views[n].0.distance(views[n - 1].0));
         }
         self.taken = end;
-        if let Some(share) = self.gas.segment_at(views[end - 1].0).and_then(|s| self.shares.get_mut(s)) {
+        self.begin(&views[end - 1], seconds);
+    }
+
+    /// Counts a way of the camera, mm.
+    pub(super) fn moved(&mut self, mm: f64) {
+        let mm = mm as f32;
+        self.odometer_mm += if mm.is_finite() { mm } else { 0.0 };
+    }
+
+    /// Begins with a view.
+    pub(super) fn begin(&mut self, view: &(DVec3, Attitude), seconds: f64) {
+        if let Some(share) = self.gas.segment_at(view.0).and_then(|s| self.shares.get_mut(s)) {
             share.visited = true;
         }
-        self.come_near(views[end - 1].0);
-        let eye = Eye::new(&views[end - 1], self.wall.origin);
+        self.come_near(view.0);
+        let eye = Eye::new(view, self.wall.origin);
+        self.last = eye.as_ref().map(|eye| eye.world).or(self.last);
         self.now = eye.map(|eye| Looking {
             eye,
-            seconds: seconds as f32,
+            seconds: seconds as f32 + self.rested_s,
             block: 0,
             asked: 0,
             tried: false,
@@ -235,6 +265,14 @@ impl LiveCoverage {
         for n in near {
             let reading = &mut self.near_mm[n as usize];
             *reading = reading.min(self.odometer_mm);
+        }
+    }
+
+    /// Ends the view that is under way.
+    pub(super) fn finish(&mut self, volume: &PreparedVolume) {
+        let mut unbounded = u32::MAX;
+        while !self.go_on(volume, &mut unbounded) {
+            unbounded = u32::MAX;
         }
     }
 
@@ -264,8 +302,12 @@ impl LiveCoverage {
                 let n = now.asked;
                 now.asked += 1;
                 // Other probes each time.
-                let p =
-                    patches.start + if n < PROBES { (self.taken * 7 + n * count / PROBES) % count } else { n - PROBES };
+                let p = patches.start
+                    + if n < PROBES {
+                        ((self.taken + self.looked) * 7 + n * count / PROBES) % count
+                    } else {
+                        n - PROBES
+                    };
                 if n == PROBES && now.tried && !now.free {
                     let far = line.square_to_block(b, &now.eye).sqrt();
                     if far > CLOSE_MM {
@@ -304,9 +346,19 @@ impl LiveCoverage {
         if all > 0.0 { (visited().map(|s| s.seen_mm2).sum::<f64>() / all).clamp(0.0, 1.0) } else { 0.0 }
     }
 
-    /// True if it is of this gas.
+    /// True if more views than a flight's steps still take wait for their turn.
+    pub fn lags(&self, views: &[(DVec3, Attitude)]) -> bool {
+        views.len() > self.taken + WAITING
+    }
+
+    /// True if it is the wall of this gas.
     pub fn is_of(&self, gas: &Arc<Lumen>) -> bool {
         Arc::ptr_eq(&self.gas, gas)
+    }
+
+    /// Returns the gas whose wall it is.
+    pub fn gas(&self) -> &Arc<Lumen> {
+        &self.gas
     }
 
     /// Returns the wall of some segments.
@@ -321,6 +373,16 @@ impl LiveCoverage {
     /// Returns the wall.
     pub fn wall(&self) -> &Wall {
         &self.wall
+    }
+
+    /// Returns the wall with shared ownership.
+    pub(super) fn shared_wall(&self) -> &Arc<Wall> {
+        &self.wall
+    }
+
+    /// Returns the view angle of the views, degrees.
+    pub(super) fn fov_degrees(&self) -> f64 {
+        self.fov_degrees
     }
 
     /// Returns the camera of the views.
@@ -376,7 +438,7 @@ impl LiveCoverage {
     pub(super) fn paint(&self, block: usize, patch: usize, seconds: f32) -> f32 {
         match self.seen_s[patch] {
             f32::INFINITY => f32::from(u8::from(self.is_passed(block))),
-            seen => (1.0 - (seconds - seen).max(0.0) / FADES_S).clamp(0.0, 1.0),
+            seen => (1.0 - (seconds + self.rested_s - seen).max(0.0) / FADES_S).clamp(0.0, 1.0),
         }
     }
 
@@ -392,31 +454,4 @@ impl LiveCoverage {
             + size_of_val(self.stretches.as_slice())
             + self.along.bytes()
     }
-}
-
-/// Returns the stretch of the colon that each block belongs to, and the first one of each segment.
-fn stretches(wall: &Wall, gas: &Lumen, along: &CoarseAlong) -> (Vec<u32>, Vec<u32>) {
-    let place = |b: usize| {
-        let n = wall.patches[wall.blocks[b].first as usize].middle as usize;
-        along.of(wall.centroid(n) + wall.normal(n) * INTO_GAS_MM)
-    };
-    let places: Vec<Option<(usize, f64)>> = (0..wall.block_count()).into_par_iter().map(place).collect();
-    let mut count = vec![1u32; gas.segments.len()];
-    for &(segment, mm) in places.iter().flatten() {
-        count[segment] = count[segment].max((mm / STRETCH_MM) as u32 + 1);
-    }
-    let mut first = vec![0; count.len() + 1];
-    for n in 0..count.len() {
-        first[n + 1] = first[n] + count[n];
-    }
-    // A block before gas that is too thin for the map belongs to the one before it.
-    let mut last = 0;
-    let stretches = places
-        .into_iter()
-        .map(|at| {
-            last = at.map_or(last, |(segment, mm)| first[segment] + (mm / STRETCH_MM) as u32);
-            last
-        })
-        .collect();
-    (stretches, first)
 }

@@ -28,6 +28,21 @@ const SHOWN: f64 = 0.7;
 /// Triangles of a patch that are tried from each place, at most.
 const TRIED: usize = 32;
 
+/// The scans in which places to look from are sought.
+#[derive(Clone, Copy, Debug)]
+pub struct Scans<'a> {
+    /// The one whose wall is looked at.
+    pub shown: &'a PreparedVolume,
+    /// The one in which the camera flies.
+    pub flown: &'a PreparedVolume,
+}
+
+impl<'a> From<&'a PreparedVolume> for Scans<'a> {
+    fn from(both: &'a PreparedVolume) -> Self {
+        Self { shown: both, flown: both }
+    }
+}
+
 /// A patch that was not seen.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Missed {
@@ -64,17 +79,17 @@ pub struct LookFrom {
 }
 
 /// Returns the patches of at least `least_mm2` for whose triangles `is_seen` is false, the largest first. Triangles that share an edge
-/// belong to one patch. `along` tells where along the colon a place in the gas is (world mm), and the camera that flies in `volume` has
-/// a radius of `radius_mm`.
-pub fn missed(
+/// belong to one patch. `along` tells where along the colon a place in the gas is (world mm), and the camera that flies in
+/// `scans` has a radius of `radius_mm`.
+pub fn missed<'a>(
     wall: &Wall,
     is_seen: impl Fn(usize) -> bool,
     least_mm2: f64,
     along: impl Fn(DVec3) -> Option<AlongColon> + Sync,
-    volume: &PreparedVolume,
+    scans: impl Into<Scans<'a>>,
     radius_mm: f64,
 ) -> Vec<Missed> {
-    let walls = &finder(volume, radius_mm);
+    let walls = &Finders::new(scans.into(), radius_mm);
     let mut found: Vec<Missed> = patches(wall, is_seen)
         .into_par_iter()
         .filter_map(|triangles| {
@@ -128,8 +143,13 @@ pub fn to_visit(
 
 /// Returns where some places on or near a wall (world mm) are seen from by a camera of `radius_mm` that fits there; `None` for a place
 /// too far from the wall, or too narrow.
-pub fn look_at(wall: &Wall, places: &[DVec3], volume: &PreparedVolume, radius_mm: f64) -> Vec<Option<LookFrom>> {
-    let walls = finder(volume, radius_mm);
+pub fn look_at<'a>(
+    wall: &Wall,
+    places: &[DVec3],
+    scans: impl Into<Scans<'a>>,
+    radius_mm: f64,
+) -> Vec<Option<LookFrom>> {
+    let walls = Finders::new(scans.into(), radius_mm);
     let look = |&place: &DVec3| {
         let about = |n: &u32| wall.centroid(*n as usize).distance_squared(place) <= ABOUT_MM * ABOUT_MM;
         let triangles: Vec<u32> = (0..wall.len() as u32).filter(about).collect();
@@ -140,8 +160,27 @@ pub fn look_at(wall: &Wall, places: &[DVec3], volume: &PreparedVolume, radius_mm
     places.par_iter().map(look).collect()
 }
 
-fn finder(volume: &PreparedVolume, radius_mm: f64) -> ClearanceFinder {
-    ClearanceFinder::new(volume.shared_voxels(), volume.transfer().iso() as f32, radius_mm + 2.0 * FREE_MM)
+/// What decides whether the camera fits and what it sees.
+struct Finders {
+    shown: ClearanceFinder,
+    /// `None` if that is the same.
+    flown: Option<ClearanceFinder>,
+}
+
+impl Finders {
+    fn new(scans: Scans<'_>, radius_mm: f64) -> Self {
+        let finder = |volume: &PreparedVolume| {
+            ClearanceFinder::new(volume.shared_voxels(), volume.transfer().iso() as f32, radius_mm + 2.0 * FREE_MM)
+        };
+        let is_other = !std::ptr::eq(scans.shown.voxels(), scans.flown.voxels());
+        Self { shown: finder(scans.shown), flown: is_other.then(|| finder(scans.flown)) }
+    }
+
+    /// True if a body fits at a place (world, mm), in what is flown and in what is shown.
+    fn fits(&self, at: DVec3, mm: f64) -> bool {
+        let is_free = |walls: &ClearanceFinder| !(walls.clearance(at).mm < mm);
+        is_free(&self.shown) && self.flown.as_ref().is_none_or(is_free)
+    }
 }
 
 /// Returns the connected patches of triangles that were not seen, each in ascending order.
@@ -188,7 +227,7 @@ fn look_from(
     triangles: &[u32],
     position: DVec3,
     normal: DVec3,
-    walls: &ClearanceFinder,
+    walls: &Finders,
     radius_mm: f64,
 ) -> Option<LookFrom> {
     let every = triangles.len().div_ceil(TRIED);
@@ -208,7 +247,7 @@ fn look_from(
                 return false;
             }
             // Ended a little before the wall, whose voxels would count.
-            d <= REACH_MM && -to.dot(*normal) > flattest * d && !walls.enters(from, *at - to * (0.6 / d.max(0.7)))
+            d <= REACH_MM && -to.dot(*normal) > flattest * d && !walls.shown.enters(from, *at - to * (0.6 / d.max(0.7)))
         };
         some.iter().filter(sees).map(|s| s.2).sum()
     };
@@ -216,7 +255,7 @@ fn look_from(
     for away in AWAY_MM {
         for n in 0..WAYS {
             let from = position + hemisphere(n, normal) * away;
-            if walls.clearance(from).mm < radius_mm + FREE_MM {
+            if !walls.fits(from, radius_mm + FREE_MM) {
                 continue;
             }
             // The nearer of two equal places.

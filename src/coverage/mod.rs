@@ -5,18 +5,22 @@
 //! the camera, and that line, ended half a voxel before the centroid, crosses no wall ([`Wall::seen`]). Patches of the wall that share
 //! edges and were not seen are [`missed`], and [`tour`] orders them for a review.
 //!
-//! Where tagged fluid was not taken out, its surface is wall: it is what a reader sees.
+//! Where tagged fluid was not taken out, its surface is wall: it is what a reader sees. Where a window shows another scan than the one
+//! that is flown through, its wall counts ([`LiveCoverage::beside`]).
 
+mod beside;
 mod live;
 pub mod missed;
 mod paint;
 pub(crate) mod part;
 mod sight;
+mod still;
+mod stretches;
 pub mod tour;
 mod wall;
 
 pub use live::LiveCoverage;
-pub use missed::{LookFrom, Missed};
+pub use missed::{LookFrom, Missed, Scans};
 pub use paint::{CoveragePaint, paint_slice};
 pub use sight::{Coverage, FLATTEST_DEGREES, REACH_MM, Sight};
 pub use wall::Wall;

@@ -1,6 +1,7 @@
 //! Colours over the wall that was not seen yet, in pictures and in slices.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use bevy_ecs::prelude::*;
 use glam::{IVec3, Vec3};
@@ -35,8 +36,8 @@ pub struct CoveragePaint {
     cells: Vec<[u16; (SIDE * SIDE * SIDE) as usize]>,
     /// Paint at the rays of the last picture.
     at: Vec<f32>,
-    /// Number of patches of the wall.
-    patches: usize,
+    /// The wall.
+    wall: Arc<Wall>,
 }
 
 const NONE: u32 = u32::MAX;
@@ -58,7 +59,7 @@ impl CoveragePaint {
             count,
             cells: vec![[ABSENT; (SIDE * SIDE * SIDE) as usize]; blocks],
             at: Vec::new(),
-            patches: wall.patch_count(),
+            wall: Arc::clone(coverage.shared_wall()),
         };
         for b in 0..blocks {
             if let Some(at) = paint.number(group(b)) {
@@ -74,7 +75,7 @@ impl CoveragePaint {
 
     /// True if it is of the wall of this coverage.
     pub fn is_of(&self, coverage: &LiveCoverage) -> bool {
-        self.patches == coverage.wall().patch_count()
+        Arc::ptr_eq(&self.wall, coverage.shared_wall())
     }
 
     fn number(&self, group: IVec3) -> Option<usize> {
@@ -127,6 +128,7 @@ impl CoveragePaint {
         seconds: f64,
         frame: &mut Frame,
     ) {
+        let volume = coverage.scan(volume);
         let (width, height) = (frame.width(), frame.height());
         if width == 0 || height == 0 || (width, height) != (view.width(), view.height()) {
             return;

@@ -14,6 +14,7 @@ use crate::components::guide::{Automatic, GuideThrust, Planned};
 use crate::components::output::Picture;
 use crate::components::play::Playback;
 use crate::components::scan::{Centerline, Scan, TargetDistances, WallDistances, Walls};
+use crate::components::still::StillViews;
 use crate::components::trail::Trail;
 use crate::coverage::{CoveragePaint, LiveCoverage};
 use crate::dynamics::Attitude;
@@ -72,13 +73,14 @@ impl FlightApp {
     fn equip_coverage(&mut self) -> Result<()> {
         let Setup { volume, lumen, plan, .. } = &self.setup;
         let gas = plan.gas.as_ref().unwrap_or(lumen);
-        if !self.camera::<LiveCoverage>().is_some_and(|c| c.is_of(gas)) {
+        if !self.camera::<LiveCoverage>().is_some_and(|c| c.belongs_to(gas)) {
             let mut coverage = LiveCoverage::of(volume, gas, &self.progress)?;
             // In another lumen the views until now have seen another wall.
             let views = self.camera::<Trail>().map_or(&[][..], Trail::views);
             // Before the flight's first step there is no clock, and no view.
             let seconds = self.app.world.get_resource::<Clock>().map_or(0.0, Clock::seconds);
             coverage.catch_up(volume, views, seconds);
+            coverage.look(volume, self.camera::<StillViews>().map_or(&[], StillViews::views), seconds);
             self.app.camera().insert(coverage);
         }
         Ok(())

@@ -9,10 +9,11 @@ use crate::components::flight::Flown;
 use crate::components::play::Playback;
 use crate::components::review::ReviewStop;
 use crate::components::trail::Trail;
-use crate::coverage::{Coverage, LiveCoverage, LookFrom, Missed, Sight, Wall, missed, part};
+use crate::coverage::{Coverage, LiveCoverage, LookFrom, Missed, Scans, Sight, Wall, missed, part};
 use crate::error::{Error, Result};
 use crate::fields::{Along, lumen};
 use crate::render::camera::Perspective;
+use crate::space::PreparedVolume;
 
 /// A review flies back over the whole way if that shows at least this share of the wall.
 const BACK_GAINS: f64 = 0.005;
@@ -59,9 +60,8 @@ impl<'a> Survey<'a> {
     pub fn coverage(self, fov_degrees: f64, count: bool) -> Result<Option<Covered>> {
         let camera = perspective(fov_degrees)?;
         let views = self.trail().map_or(&[][..], Trail::views);
-        let volume = &self.flight.setup.volume;
         let Some(wall) = self.flight.progress.call(|| self.wall())? else { return Ok(None) };
-        let sights = wall.seen(volume, views, &camera, count);
+        let sights = wall.seen(self.looked_through(), views, &camera, count);
         let coverage = wall.coverage(&sights);
         Ok((!wall.is_empty()).then_some(Covered { wall, sights, coverage }))
     }
@@ -75,7 +75,7 @@ impl<'a> Survey<'a> {
         let views = self.trail().map_or(&[][..], Trail::views);
         let (unseen, numbers) = covered.wall.part(|n| covered.sights[n].ahead == 0);
         let camera = perspective(fov_degrees)?;
-        let more = unseen.seen(&self.flight.setup.volume, views.get(since..).unwrap_or(&[]), &camera, false);
+        let more = unseen.seen(self.looked_through(), views.get(since..).unwrap_or(&[]), &camera, false);
         part::add(&mut covered.sights, &numbers, &more);
         covered.coverage = covered.wall.coverage(&covered.sights);
         Ok(())
@@ -110,7 +110,7 @@ impl<'a> Survey<'a> {
         }
         let (unseen, numbers) = covered.wall.part(|n| !is_seen(n));
         let patches = self.missed_by(covered, is_seen, least_mm2);
-        let visited = missed::to_visit(&patches, &unseen, &numbers, &self.flight.setup.volume, &camera);
+        let visited = missed::to_visit(&patches, &unseen, &numbers, self.looked_through(), &camera);
         let stop = |n: usize| Some(ReviewStop::new(patches[n].look_from?.position, Some(patches[n].position)));
         stops.extend(visited.into_iter().filter_map(stop));
         Ok(stops)
@@ -120,9 +120,26 @@ impl<'a> Survey<'a> {
     /// wall that was flown along, or if the camera fits nowhere before it.
     pub fn stops_to_see(self, covered: &Covered, places: &[DVec3]) -> Vec<Option<ReviewStop>> {
         let setup = &self.flight.setup;
-        let looks = missed::look_at(&covered.wall, places, &setup.volume, setup.scene.body.radius_mm);
+        let looks = missed::look_at(&covered.wall, places, self.scans(), setup.scene.body.radius_mm);
         let stop = |(look, &place): (Option<LookFrom>, &DVec3)| Some(ReviewStop::new(look?.position, Some(place)));
         looks.into_iter().zip(places).map(stop).collect()
+    }
+
+    /// Returns what is watched of another scan, if a window shows that in place of the one that is flown through.
+    fn beside(self) -> Option<&'a LiveCoverage> {
+        let Setup { lumen, plan, .. } = &self.flight.setup;
+        let flown = plan.gas.as_ref().unwrap_or(lumen);
+        self.flight.camera::<LiveCoverage>().filter(|live| live.is_beside() && live.belongs_to(flown))
+    }
+
+    /// Returns the scan whose wall is looked at.
+    fn looked_through(self) -> &'a PreparedVolume {
+        self.scans().shown
+    }
+
+    fn scans(self) -> Scans<'a> {
+        let flown = &self.flight.setup.volume;
+        Scans { shown: self.beside().map_or(flown, |live| live.scan(flown)), flown }
     }
 
     /// Returns the wall of the gas flown through; `None` if that gas is not known.
@@ -141,13 +158,15 @@ impl<'a> Survey<'a> {
                 gas = Arc::new(there);
             }
         }
-        let mut flown: Vec<usize> = views.iter().filter_map(|v| gas.segment_at(v.0)).collect();
+        let beside = self.beside();
+        let looked_at = beside.map_or(&gas, LiveCoverage::gas);
+        let mut flown: Vec<usize> = views.iter().filter_map(|v| looked_at.segment_at(v.0)).collect();
         flown.sort_unstable();
         flown.dedup();
         if flown.is_empty() {
             return Ok(None);
         }
-        if let Some(live) = self.flight.camera::<LiveCoverage>().filter(|l| l.is_of(&gas)) {
+        if let Some(live) = beside.or_else(|| self.flight.camera().filter(|l: &&LiveCoverage| l.is_of(&gas))) {
             return Ok(Some(live.wall_of(&flown)));
         }
         Wall::of(volume.voxels(), &gas, &flown, volume.transfer().iso(), progress).map(Some)
@@ -162,7 +181,7 @@ impl<'a> Survey<'a> {
         let setup = &self.flight.setup;
         let is_seen = |n: usize| covered.sights[n].ahead > 0;
         let radius_mm = setup.scene.body.radius_mm;
-        Ok(missed::missed(&covered.wall, is_seen, missed::LEAST_MM2, |p| along.of(p), &setup.volume, radius_mm))
+        Ok(missed::missed(&covered.wall, is_seen, missed::LEAST_MM2, |p| along.of(p), self.scans(), radius_mm))
     }
 
     /// Returns the measure along the colon that is flown, which the first call computes.
@@ -178,7 +197,7 @@ impl<'a> Survey<'a> {
     fn missed_by(self, covered: &Covered, is_seen: impl Fn(usize) -> bool, least_mm2: f64) -> Vec<Missed> {
         let setup = &self.flight.setup;
         // The tour has an order of its own.
-        missed::missed(&covered.wall, is_seen, least_mm2, |_| None, &setup.volume, setup.scene.body.radius_mm)
+        missed::missed(&covered.wall, is_seen, least_mm2, |_| None, self.scans(), setup.scene.body.radius_mm)
     }
 
     /// Returns the share of the path behind the camera, 0 to 1, and the path's length, mm. They refer to the plan or the log that

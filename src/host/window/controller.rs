@@ -3,6 +3,7 @@
 mod assisting;
 mod commanding;
 mod history;
+mod looking;
 mod pointing;
 mod resting;
 mod saving;
@@ -59,6 +60,7 @@ use crate::render::ImageSize;
 use crate::systems::present;
 use crate::volume::io::thick_slices;
 use history::History;
+use looking::Looking;
 
 /// Maximum number of steps between two images. A slower machine flies slower.
 const STEPS: u32 = 10;
@@ -108,10 +110,14 @@ pub(crate) struct FlightController {
     detector: Detector,
     /// The file of the answers to this scan's candidates.
     answers_file: Option<PathBuf>,
+    /// True if what is made is kept with the scan.
+    keeps: bool,
     /// The kinds of gas, found once somebody asks for them.
     kinds: Kinds,
     /// What of the wall was seen, watched once somebody asks for it.
     seen: Seen,
+    /// The view that is looked at.
+    looking: Looking,
     /// What was changed, in order.
     history: History,
     /// True once anything of the flight was shown.
@@ -189,8 +195,10 @@ impl FlightController {
             assistant: None,
             detector: detectors::BUILT_IN[0],
             answers_file: None,
+            keeps: true,
             kinds,
             seen: Seen::new(now),
+            looking: Looking::default(),
             history: History::default(),
             has_shown: false,
             wake,
@@ -340,7 +348,7 @@ impl FlightController {
             (self.cleansing.is_waiting() && self.has_shown && self.unflown.is_none()).then_some(self.start);
         let searched = self.assistant.as_ref().and_then(|a| a.next());
         let (told, seen) = (self.kinds.next(), self.seen.next());
-        [seen, finer, message, self.figures.next(), attention, planned, uncleansed, searched, told]
+        [self.looking.next(), seen, finer, message, self.figures.next(), attention, planned, uncleansed, searched, told]
             .into_iter()
             .flatten()
             .min()
@@ -532,6 +540,9 @@ impl FlightController {
     pub(crate) fn unfinished(&self) -> Option<String> {
         if self.measures.begun().is_some() {
             return Some("A distance has one end only.".to_owned());
+        }
+        if self.has_unkept() {
+            return Some("The case is open in another window. What you made here is not kept.".to_owned());
         }
         let assistant = self.assistant()?;
         if let super::assistant::State::Working(..) = assistant.state() {
@@ -729,6 +740,7 @@ impl FlightController {
             self.change_speed(speed, now);
         }
         self.go_on(now);
+        self.look_at_rest(now);
         if self.rests() {
             self.simulated = None;
             return Ok(());
@@ -800,6 +812,10 @@ impl FlightController {
             State::Arrived => {
                 let next = self.actions.hint("next", "flies to the next");
                 more.extend(headless::unflown_text(&self.flight).map(|t| t + &next));
+            }
+            State::Flying if self.hand().paused => {
+                let key = self.actions.key("pause");
+                more.extend(Some(format!("{key} flies on.")).filter(|_| !key.is_empty()));
             }
             State::Flying | State::Ended => {}
         }

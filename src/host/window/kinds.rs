@@ -96,6 +96,8 @@ pub(crate) struct Kinds {
     made: u64,
     /// The file of what the reader said; `None` if it is not stored.
     file: Option<PathBuf>,
+    /// True if it is not stored for the time being.
+    is_held: bool,
     /// When the progress was looked at.
     looked: Instant,
 }
@@ -113,6 +115,7 @@ impl Kinds {
             before: Vec::new(),
             made: 0,
             file: None,
+            is_held: false,
             looked: now,
         }
     }
@@ -272,8 +275,17 @@ impl Kinds {
         self.keep()
     }
 
+    /// Stores what the reader says from now on, with what was said until now, or not for the time being.
+    ///
+    /// # Errors
+    /// Returns status 5 if it cannot be stored.
+    pub(crate) fn keep_now(&mut self, keeps: bool) -> Result<()> {
+        self.is_held = !keeps;
+        if self.made > 0 { self.keep() } else { Ok(()) }
+    }
+
     fn keep(&self) -> Result<()> {
-        self.file.as_deref().map_or(Ok(()), |file| told::keep(file, &self.told))
+        self.file.as_deref().filter(|_| !self.is_held).map_or(Ok(()), |file| told::keep(file, &self.told))
     }
 }
 

@@ -68,6 +68,8 @@ pub(crate) struct Measures {
     made: u64,
     /// The file for them; `None` if they are not stored.
     file: Option<PathBuf>,
+    /// True if they are not stored for the time being.
+    is_held: bool,
 }
 
 impl Measures {
@@ -174,8 +176,17 @@ impl Measures {
         self.keep()
     }
 
+    /// Stores them from now on, with those that were made until now, or not for the time being.
+    ///
+    /// # Errors
+    /// Returns status 5 if they cannot be stored.
+    pub(crate) fn keep_now(&mut self, keeps: bool) -> Result<()> {
+        self.is_held = !keeps;
+        if self.made > 0 { self.keep() } else { Ok(()) }
+    }
+
     fn keep(&self) -> Result<()> {
-        let Some(path) = &self.file else { return Ok(()) };
+        let Some(path) = self.file.as_ref().filter(|_| !self.is_held) else { return Ok(()) };
         let measures = self.list.iter().map(|m| [m.from, m.to].map(|p| p.to_array())).collect();
         folders::keep(path, &Kept { version: VERSION, measures })
     }

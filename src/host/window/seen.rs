@@ -2,19 +2,21 @@
 //!
 //! Nothing is computed or kept before somebody asks. The wall is extracted and the views until then are looked at in the background.
 
+mod jobs;
+
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use bevy_ecs::prelude::Entity;
 use glam::DVec3;
 
 use super::job::Job;
 use super::screenshot_renderer::WakeUp;
 use crate::app::{FlightApp, Setup};
 use crate::components::review::ReviewStop;
-use crate::coverage::{CoveragePaint, LiveCoverage, Missed, missed};
+use crate::coverage::{CoveragePaint, LiveCoverage, Missed};
 use crate::error::Result;
-use crate::fields::{Lumen, Through, WallDistance};
-use crate::progress::Progress;
+use crate::fields::{Lumen, WallDistance};
 
 /// Time between two looks at the progress.
 const LOOKS: Duration = Duration::from_millis(200);
@@ -22,7 +24,7 @@ const LOOKS: Duration = Duration::from_millis(200);
 enum Stage {
     Idle,
     /// The wall is extracted, and the views until then are looked at.
-    Beginning(Job<(LiveCoverage, CoveragePaint)>),
+    Beginning(Job<Watched>),
     /// The missed patches are listed.
     Listing(Job<Vec<Patch>>),
     /// The distances to the wall are computed, by which ways are planned.
@@ -44,11 +46,18 @@ pub(crate) struct Seen {
     pub(crate) goes_to: Option<DVec3>,
     /// The paint, while it is not shown.
     paint: Option<CoveragePaint>,
+    /// What was seen of the scan that is not shown now.
+    aside: Option<Watched>,
+    /// Whether the wall that was last begun is that of the scan beside the one that is flown; `None` once it is watched.
+    begun_for: Option<bool>,
     /// What follows once the patches are listed.
     then: Then,
     /// When the progress was looked at.
     looked: Instant,
 }
+
+/// What was seen of a wall, and its paint.
+type Watched = (LiveCoverage, CoveragePaint);
 
 /// A missed patch, and whether a review visits it.
 type Patch = (Missed, bool);
@@ -83,6 +92,8 @@ impl Seen {
             current: None,
             goes_to: None,
             paint: None,
+            aside: None,
+            begun_for: None,
             then: Then::Nothing,
             looked: now,
         }
@@ -93,16 +104,23 @@ impl Seen {
         self.is_painted
     }
 
-    /// Shows or hides the paint. What is needed is found in the background.
+    /// Shows or hides the paint. What is needed is found in the background. `other` is the scan that is shown, if it is not the one that
+    /// is flown through.
     ///
     /// # Errors
     /// Returns the errors of any change of the schedule.
-    pub(crate) fn show(&mut self, shown: bool, flight: &mut FlightApp, wake: &WakeUp, now: Instant) -> Result<()> {
+    pub(crate) fn show(
+        &mut self,
+        shown: bool,
+        flight: &mut FlightApp,
+        other: Option<Entity>,
+        wake: &WakeUp,
+        now: Instant,
+    ) -> Result<()> {
         self.is_painted = shown;
         if shown && flight.camera::<LiveCoverage>().is_none() {
             if !matches!(self.stage, Stage::Beginning(_)) {
-                self.looked = now;
-                self.stage = begin(flight, wake).map_or_else(|e| Stage::Failed(e.to_string()), Stage::Beginning);
+                self.begin(flight, other, wake, now);
             }
             return Ok(());
         }
@@ -117,6 +135,71 @@ impl Seen {
         Ok(())
     }
 
+    /// Goes over to the wall of the scan that is shown, once another one is. The views until then are looked at again, in the background.
+    pub(crate) fn follow(&mut self, flight: &FlightApp, other: Option<Entity>, wake: &WakeUp, now: Instant) {
+        let is_beginning = matches!(self.stage, Stage::Beginning(_));
+        let is_watched = match flight.camera::<LiveCoverage>() {
+            Some(watched) => watched.is_beside() == other.is_some(),
+            // Nobody has asked, or what was asked for is not there yet.
+            None if !is_beginning => return,
+            None => false,
+        };
+        if is_watched {
+            // The reader is back at the scan that was shown before.
+            if is_beginning {
+                self.stage = Stage::Idle;
+            }
+            self.begun_for = None;
+        } else if self.begun_for != Some(other.is_some()) && (is_beginning || self.next().is_none()) {
+            self.begin(flight, other, wake, now);
+        }
+    }
+
+    /// Begins to watch the wall of the scan that is shown.
+    fn begin(&mut self, flight: &FlightApp, other: Option<Entity>, wake: &WakeUp, now: Instant) {
+        (self.looked, self.begun_for) = (now, Some(other.is_some()));
+        self.aside.take_if(|(coverage, _)| !coverage.belongs_to(flown(flight)));
+        let known = self.aside.as_ref().filter(|(coverage, _)| coverage.is_beside() == other.is_some()).cloned();
+        let job = match known {
+            Some(known) => jobs::catch_up(known, flight, wake),
+            None => jobs::begin(flight, other, wake),
+        };
+        self.stage = job.map_or_else(|e| Stage::Failed(e.to_string()), Stage::Beginning);
+    }
+
+    /// Takes what was found of a wall.
+    fn adopt(
+        &mut self,
+        (coverage, paint): Watched,
+        flight: &mut FlightApp,
+        other: Option<Entity>,
+        wake: &WakeUp,
+    ) -> Result<Option<News>> {
+        if !coverage.belongs_to(flown(flight)) {
+            // Meanwhile the reader has given kinds to gas.
+            self.begin(flight, other, wake, self.looked);
+            return Ok(None);
+        }
+        if flight.survey().trail().is_some_and(|t| coverage.lags(t.views())) {
+            let job = jobs::catch_up((coverage, paint), flight, wake);
+            self.stage = job.map_or_else(|e| Stage::Failed(e.to_string()), Stage::Beginning);
+            return Ok(None);
+        }
+        let before = flight.camera::<LiveCoverage>().cloned();
+        flight.watch_coverage(coverage)?;
+        let painted = if self.is_painted { flight.paint_coverage(Some(paint))? } else { self.paint.replace(paint) };
+        self.aside = before.map(|coverage| match painted {
+            Some(paint) if paint.is_of(&coverage) => (coverage, paint),
+            _ => {
+                let paint = CoveragePaint::new(&coverage);
+                (coverage, paint)
+            }
+        });
+        (self.list, self.current, self.begun_for) = (None, None, None);
+        self.is_visited.clear();
+        Ok(Some(News::Begun))
+    }
+
     /// Lists the missed patches in the background. Does nothing before the flight is watched.
     pub(crate) fn list_missed(&mut self, then: Then, flight: &FlightApp, wake: &WakeUp, now: Instant) {
         self.then = then;
@@ -125,7 +208,7 @@ impl Seen {
         }
         if let Some(coverage) = flight.camera::<LiveCoverage>() {
             self.looked = now;
-            let job = list(coverage, flight, wake);
+            let job = jobs::list(coverage, flight, wake);
             self.stage = job.map_or_else(|e| Stage::Failed(e.to_string()), Stage::Listing);
         }
     }
@@ -134,20 +217,21 @@ impl Seen {
     ///
     /// # Errors
     /// Returns the errors of any change of the schedule.
-    pub(crate) fn take(&mut self, flight: &mut FlightApp, now: Instant) -> Result<Option<News>> {
+    pub(crate) fn take(
+        &mut self,
+        flight: &mut FlightApp,
+        other: Option<Entity>,
+        wake: &WakeUp,
+        now: Instant,
+    ) -> Result<Option<News>> {
         let failed = match &mut self.stage {
             Stage::Beginning(job) => {
                 self.looked = now;
                 match job.take() {
                     None => return Ok(None),
-                    Some(Ok((coverage, paint))) => {
+                    Some(Ok(watched)) => {
                         self.stage = Stage::Idle;
-                        flight.watch_coverage(coverage)?;
-                        match self.is_painted {
-                            true => drop(flight.paint_coverage(Some(paint))?),
-                            false => self.paint = Some(paint),
-                        }
-                        return Ok(Some(News::Begun));
+                        return self.adopt(watched, flight, other, wake);
                     }
                     Some(Err(e)) => e,
                 }
@@ -236,7 +320,7 @@ impl Seen {
             return flight.knows_walls_to_tour();
         }
         self.looked = now;
-        self.stage = prepare(flight, wake).map_or_else(|e| Stage::Failed(e.to_string()), Stage::Preparing);
+        self.stage = jobs::prepare(flight, wake).map_or_else(|e| Stage::Failed(e.to_string()), Stage::Preparing);
         false
     }
 
@@ -268,59 +352,14 @@ impl Seen {
 fn is_here(patch: &Missed, flight: &FlightApp) -> bool {
     let Setup { lumen, plan, .. } = flight.setup();
     let looked_from = patch.look_from.and_then(|from| lumen.segment_at(from.position));
-    let segment = looked_from.or(patch.along.map(|a| a.segment));
+    // The segments of a scan that is shown beside are others.
+    let is_beside = flight.camera::<LiveCoverage>().is_some_and(LiveCoverage::is_beside);
+    let segment = looked_from.or(patch.along.filter(|_| !is_beside).map(|a| a.segment));
     plan.segment.is_none_or(|flown| segment == Some(flown))
 }
 
-/// Extracts the wall and looks at the views until now, in the background.
-fn begin(flight: &FlightApp, wake: &WakeUp) -> Result<Job<(LiveCoverage, CoveragePaint)>> {
-    let Setup { volume, lumen, plan, .. } = flight.setup();
-    let (volume, gas) = (volume.clone(), Arc::clone(plan.gas.as_ref().unwrap_or(lumen)));
-    let views = flight.survey().trail().map_or_else(Vec::new, |t| t.views().to_vec());
-    let seconds = flight.clock().seconds();
-    let work = move |progress: &Arc<Progress>| {
-        let mut coverage = LiveCoverage::of(&volume, &gas, progress)?;
-        coverage.catch_up(&volume, &views, seconds);
-        let paint = CoveragePaint::new(&coverage);
-        Ok((coverage, paint))
-    };
-    let wake = Arc::clone(wake);
-    Job::start("coverage", &Arc::new(Progress::new()), work, move || wake())
-}
-
-/// Computes the distances to the wall of the gas that is flown, in the background.
-fn prepare(flight: &FlightApp, wake: &WakeUp) -> Result<Job<(Arc<Lumen>, Arc<WallDistance>)>> {
-    let Setup { volume, lumen, plan, .. } = flight.setup();
-    let (volume, gas) = (volume.clone(), Arc::clone(plan.gas.as_ref().unwrap_or(lumen)));
-    let work = move |progress: &Arc<Progress>| {
-        let walls = WallDistance::of_lumen(volume.voxels(), &gas, Through::Gas, progress)?;
-        Ok((gas, Arc::new(walls)))
-    };
-    let wake = Arc::clone(wake);
-    Job::start("tour", &Arc::new(Progress::new()), work, move || wake())
-}
-
-/// Lists the missed patches in the background.
-fn list(coverage: &LiveCoverage, flight: &FlightApp, wake: &WakeUp) -> Result<Job<Vec<Patch>>> {
-    let (coverage, setup) = (coverage.clone(), flight.setup());
-    let (radius, volume) = (setup.scene.body.radius_mm, setup.volume.clone());
-    let gas = Arc::clone(setup.plan.gas.as_ref().unwrap_or(&setup.lumen));
-    let work = move |progress: &Arc<Progress>| {
-        let along = gas.along(volume.voxels(), progress)?;
-        let is_missed = coverage.missed();
-        let (wall, place) = (coverage.wall(), |p: DVec3| along.of(p));
-        let found = missed::missed(wall, |n| !is_missed[n], missed::LEAST_MM2, place, &volume, radius);
-        let (unseen, numbers) = wall.part(|n| is_missed[n]);
-        let mut is_visited = vec![false; found.len()];
-        for n in missed::to_visit(&found, &unseen, &numbers, &volume, coverage.camera()) {
-            is_visited[n] = true;
-        }
-        let mut found: Vec<Patch> = found.into_iter().zip(is_visited).collect();
-        // What has no place along the colon comes last.
-        let mm = |p: &Patch| p.0.along.map_or(f64::INFINITY, |a| a.mm);
-        found.sort_by(|a, b| mm(a).total_cmp(&mm(b)));
-        Ok(found)
-    };
-    let wake = Arc::clone(wake);
-    Job::start("missed", &Arc::new(Progress::new()), work, move || wake())
+/// Returns the gas that is flown.
+fn flown(flight: &FlightApp) -> &Arc<Lumen> {
+    let Setup { lumen, plan, .. } = flight.setup();
+    plan.gas.as_ref().unwrap_or(lumen)
 }

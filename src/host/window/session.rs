@@ -46,6 +46,9 @@ pub(crate) struct Session {
     speed: f64,
     /// Position along the path, mm.
     along_mm: f64,
+    /// True if it was paused.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    paused: bool,
 }
 
 impl folders::Kept for Session {
@@ -75,6 +78,7 @@ impl Session {
             guide: flight.setup().scene.guide_name().to_owned(),
             speed: flight.camera::<Hand>().map_or(1.0, |h| h.speed),
             along_mm: share * length_mm,
+            paused: flight.camera::<Hand>().is_some_and(|h| h.paused),
         })
     }
 
@@ -117,6 +121,9 @@ impl Session {
             flight.act(FlightCommand::Guide(self.guide.clone()))?;
         }
         flight.act(HandCommand::Speed(self.speed))?;
+        if self.paused {
+            flight.act(HandCommand::Pause(true))?;
+        }
         // Another segment starts at its end.
         flight.place(position, forward, up);
         flight.stands_at(self.along_mm);
@@ -160,6 +167,10 @@ pub(crate) struct ScanFiles {
     pub(crate) answers: Option<PathBuf>,
     /// Kinds of gas.
     pub(crate) kinds: Option<PathBuf>,
+    /// What was looked at.
+    pub(crate) looked: Option<PathBuf>,
+    /// An empty file that the window which keeps the others has locked.
+    pub(crate) lock: Option<PathBuf>,
 }
 
 impl ScanFiles {
@@ -168,7 +179,13 @@ impl ScanFiles {
     pub(crate) fn of(session: Option<&Path>, resume: Resume) -> Self {
         let name = session.and_then(Path::file_name).filter(|_| resume != Resume::Never);
         let file = |folder: &str| name.and_then(|name| Folder::State.file(Path::new(folder).join(name)));
-        Self { measures: file("measures"), answers: file("answers"), kinds: file("kinds") }
+        Self {
+            measures: file("measures"),
+            answers: file("answers"),
+            kinds: file("kinds"),
+            looked: file("seen"),
+            lock: file("locks"),
+        }
     }
 }
 
@@ -209,6 +226,7 @@ mod tests {
             guide: "manual".to_owned(),
             speed: 1.25,
             along_mm: 310.5,
+            paused: true,
         }
     }
 
@@ -308,9 +326,11 @@ mod tests {
     fn a_flight_that_repeats_another_has_none_of_the_files_of_its_scan() {
         let session = Path::new("sessions/00ff.json");
         for resume in [Resume::Everything, Resume::Place, Resume::Nothing] {
-            let ScanFiles { measures, answers, kinds } = ScanFiles::of(Some(session), resume);
+            let ScanFiles { measures, answers, kinds, looked, lock } = ScanFiles::of(Some(session), resume);
             assert_eq!(kinds, kinds_file(session));
-            for (file, folder) in [(measures, "measures"), (answers, "answers"), (kinds, "kinds")] {
+            for (file, folder) in
+                [(measures, "measures"), (answers, "answers"), (kinds, "kinds"), (looked, "seen"), (lock, "locks")]
+            {
                 // A system may define no folder for it.
                 let Some(file) = file else { continue };
                 assert!(file.ends_with(Path::new(folder).join("00ff.json")), "{}", file.display());

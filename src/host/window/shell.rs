@@ -21,9 +21,9 @@ use super::assistant::Assistant;
 use super::controller::FlightController;
 use super::framebuffer::{Framebuffer, Places};
 use super::interface::{Interface, WindowSize};
+use super::keeping::{self, Keeping, Turn};
 use super::keys::HeldKeys;
 use super::loading::{Loading, Prepare, Ready, Unflown};
-use super::measures::Measures;
 use super::overlay::{self, Content};
 use super::panels::open::FileList;
 use super::panels::{Context, Request, Requests, SeenInput, refuse_action};
@@ -33,7 +33,6 @@ use super::present_timer::PresentTimer;
 use super::printed::Printed;
 use super::recent::Recent;
 use super::screenshot_renderer::WakeUp;
-use super::session::{ScanFiles, Session};
 use super::settings;
 use super::sheet::{self, Sheet};
 use super::stroke::{Pressed, Stroke};
@@ -124,9 +123,8 @@ pub(crate) struct Shell {
     size: Option<ImageSize>,
     placement: Placement,
     resume: Resume,
-    session: Option<PathBuf>,
-    /// The session file of the scan. Its name identifies the scan.
-    scan: Option<PathBuf>,
+    /// What is kept of the open scan.
+    keeping: Option<Keeping>,
     finish: Option<Finish>,
     /// The scan that is open or being opened; `None` for the embedded phantom.
     opening: Option<PathBuf>,
@@ -220,8 +218,7 @@ impl Shell {
             recent,
             file_list: FileList::default(),
             proxy,
-            session: None,
-            scan: None,
+            keeping: None,
             finish: Some(first.finish),
             progress,
             saveable,
@@ -291,15 +288,13 @@ impl Shell {
                 controller.save_the_rest();
                 self.framebuffer = controller.flight_mut().views().take_presenter();
                 if self.unflown.take().is_some() {
+                    self.keeping = None;
                     return Ok(());
                 }
                 let flight = controller.flight();
                 let logged = self.log.take().map_or(Ok(()), |l| l.finish(flight.flight().state));
-                if let Some(path) = self.session.take() {
-                    let session = Session::of(flight);
-                    if let Err(e) = Session::keep(session.as_ref(), &path) {
-                        output::to_stderr(format_args!("note: the position of this flight was not saved: {e}"));
-                    }
+                if let Some(keeping) = self.keeping.take() {
+                    keeping.close(flight);
                 }
                 let shown = Shown {
                     present_ms: self.presented.summary(),
@@ -375,25 +370,10 @@ impl Shell {
         if unflown.is_none() {
             self.log = self.log_path.as_deref().map(Log::create).transpose()?;
         }
-        self.scan.clone_from(&session);
-        // Without a guide there is no position from which another flight could continue.
-        if self.resume != Resume::Never && flight.setup().scene.guide().is_some() {
-            self.session = session;
-        }
-        let left = match (&self.session, self.resume) {
-            (Some(path), Resume::Everything | Resume::Place) => Session::read(path).unwrap_or_else(|e| {
-                output::to_stderr(format_args!("note: {e}"));
-                None
-            }),
-            _ => None,
-        };
-        // A session that cannot be restored must not prevent the scan from opening.
-        let along = left.and_then(|left| {
-            left.resume(&mut flight, self.resume).unwrap_or_else(|e| {
-                output::to_stderr(format_args!("note: the flight does not resume where you left it: {e}"));
-                None
-            })
-        });
+        let is_guided = flight.setup().scene.guide().is_some();
+        let mut keeping = Keeping::of(session, self.resume, is_guided, Instant::now());
+        let along = keeping.resume(&mut flight, self.resume);
+        notes.extend(keeping.warning());
         if let Some(framebuffer) = self.framebuffer.take() {
             let camera = flight.app().camera_id();
             flight.views().present_to(camera, framebuffer)?;
@@ -410,11 +390,8 @@ impl Shell {
         if self.seconds.is_some() {
             controller.limit_time();
         }
-        let files = ScanFiles::of(self.scan.as_deref(), self.resume);
-        let (measures, unread) = Measures::open(files.measures);
-        controller.set_measures(measures);
-        controller.set_answers_file(files.answers);
-        controller.set_kinds_file(files.kinds);
+        let unread = keeping.equip(&mut controller);
+        self.keeping = Some(keeping);
         controller.set_screenshots(settings::screenshots());
         if let Some(e) = &unread {
             output::to_stderr(format_args!("note: {e}"));
@@ -774,6 +751,15 @@ impl Shell {
         match &mut self.stage {
             Stage::Flying(controller) => {
                 controller.advance(now)?;
+                if let Some(turn) = self.keeping.as_mut().and_then(|k| k.take_over(controller, now)) {
+                    let instead = match turn {
+                        Turn::TakenOver => None,
+                        Turn::Changed => Some(keeping::CHANGED),
+                    };
+                    self.workspace.warn_instead(keeping::ELSEWHERE, instead);
+                    controller.say(instead.unwrap_or(keeping::TAKEN_OVER), now);
+                    self.touched = true;
+                }
                 if let Some(log) = &mut self.log {
                     log.add(controller.flight_mut().take_log())?;
                 }
@@ -838,7 +824,9 @@ impl Shell {
         let interface = self.interface.next().into_iter().chain(touched).min();
         let stage = match &self.stage {
             Stage::Loading(_) => Some(self.due),
-            Stage::Flying(c) if c.rests() && self.settled => c.next(),
+            Stage::Flying(c) if c.rests() && self.settled => {
+                c.next().into_iter().chain(self.keeping.as_ref().and_then(Keeping::next)).min()
+            }
             Stage::Flying(_) => Some(self.due),
             Stage::Failed(_) | Stage::Over => None,
         };

@@ -446,6 +446,12 @@ impl Workspace {
         self.warnings = warnings;
     }
 
+    /// Shows another warning in place of one that does not hold any more, or none.
+    pub(crate) fn warn_instead(&mut self, before: &str, now: Option<&str>) {
+        self.warnings.retain(|w| w != before);
+        self.warnings.extend(now.map(str::to_owned));
+    }
+
     fn warn_above(&mut self, ui: &mut Ui) {
         let mut dismissed = None;
         for (n, warning) in self.warnings.iter().enumerate() {

@@ -75,6 +75,8 @@ pub(crate) struct Assistant {
     reading: Reading,
     /// The file of the answers; `None` if they are not stored.
     file: Option<PathBuf>,
+    /// True if they are stored; false for the time being.
+    keeps: bool,
     /// A file of answers to be added once there is a list.
     wanted: Option<PathBuf>,
     /// The last message about answers, in one line.
@@ -97,6 +99,7 @@ impl Assistant {
             detector,
             reading: Reading::default(),
             file,
+            keeps: true,
             wanted: None,
             told: String::new(),
             is_marking: false,
@@ -141,6 +144,8 @@ impl Assistant {
         let (reading, unread) = Reading::open(places, self.file.clone());
         let showing = self.reading.showing();
         self.reading = reading;
+        // Nothing was said yet.
+        _ = self.reading.keep_now(self.keeps);
         self.reading.know(found.list.iter().map(Facts::of).collect());
         self.reading.show(showing);
         self.told = unread.map_or_else(String::new, |e| format!("answers are not kept: {}: {}", e.what, e.why));
@@ -148,6 +153,15 @@ impl Assistant {
         if let Some(path) = self.wanted.take() {
             self.load(&path);
         }
+    }
+
+    /// Stores the answers from now on, with those that were given until now, or not for the time being.
+    ///
+    /// # Errors
+    /// Returns status 5 if they cannot be stored.
+    pub(crate) fn keep_now(&mut self, keeps: bool) -> Result<()> {
+        self.keeps = keeps;
+        self.reading.keep_now(keeps)
     }
 
     /// Returns when its progress has to be looked at.

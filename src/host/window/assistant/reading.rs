@@ -55,6 +55,8 @@ pub(crate) struct Reading {
     is_writing: bool,
     /// The file of the answers; `None` if they are not stored.
     file: Option<PathBuf>,
+    /// True if they are not stored for the time being.
+    is_held: bool,
 }
 
 impl Reading {
@@ -263,9 +265,18 @@ impl Reading {
         self.keep()
     }
 
+    /// Stores the answers from now on, with those that were given until now, or not for the time being.
+    ///
+    /// # Errors
+    /// As [`Reading::answer`].
+    pub(super) fn keep_now(&mut self, keeps: bool) -> Result<()> {
+        self.is_held = !keeps;
+        if self.made > 0 { self.keep() } else { Ok(()) }
+    }
+
     /// Stores all answers, in one piece.
     fn keep(&self) -> Result<()> {
-        let Some(path) = &self.file else { return Ok(()) };
+        let Some(path) = self.file.as_ref().filter(|_| !self.is_held) else { return Ok(()) };
         let own = self.places.iter().zip(&self.said).enumerate().filter(|(_, (_, s))| !s.is_empty());
         let own = own.map(|(n, (place, said))| Answered {
             rank: n + 1,

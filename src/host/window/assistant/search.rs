@@ -13,6 +13,7 @@ use crate::fields::Lumen;
 use crate::fields::cleanse::{self, Cleansed};
 use crate::fields::lumen::{self, Told};
 use crate::host::window::cleansing::boxed;
+use crate::host::window::shown::laid_over;
 use crate::panics::ask_plugin;
 use crate::polyps::{self, Candidate, Colon, Detector, Measurement, Wall, detectors};
 use crate::progress::Progress;
@@ -175,21 +176,6 @@ fn clean(input: Input, progress: &Progress) -> Result<Clean> {
     }
 }
 
-/// Returns a copy of a volume with a part of it, on the same grid, replaced.
-fn laid_over(whole: &Volume, part: &Volume) -> Volume {
-    let grid = whole.grid();
-    let shift = grid.voxel(part.grid().origin()).round().to_array().map(|v| v.max(0.0) as usize);
-    let (dims, [px, py, pz]) = (grid.dims(), part.grid().dims());
-    let mut data = whole.data().to_vec();
-    if (0..3).all(|a| shift[a] + part.grid().dims()[a] <= dims[a]) {
-        for (n, row) in part.data().chunks_exact(px).enumerate().take(py * pz) {
-            let at = grid.index(shift[0], shift[1] + n % py, shift[2] + n / py);
-            data[at..at + px].copy_from_slice(row);
-        }
-    }
-    Volume::new(grid.clone(), data)
-}
-
 impl Found {
     /// Measures the lesion at a place of the wall (world, mm).
     ///
@@ -225,25 +211,9 @@ impl Found {
 
 #[cfg(test)]
 mod tests {
-    use glam::DMat3;
-
     use super::*;
     use crate::phantom::{Phantom, PhantomSettings};
     use crate::space::TransferFunction;
-    use crate::volume::Grid;
-
-    #[test]
-    fn a_part_is_laid_over_its_place_in_the_whole() {
-        let turn = DMat3::from_rotation_z(0.4);
-        let grid = Grid::new([6, 5, 4], DVec3::new(1.0, 1.2, 0.8), DVec3::splat(-20.0), turn).unwrap();
-        let whole = Volume::new(grid.clone(), (0..grid.len() as i16).collect());
-        let origin = grid.world(DVec3::new(2.0, 1.0, 1.0));
-        let part = Grid::new([3, 2, 2], grid.spacing(), origin, turn).unwrap();
-        let made = laid_over(&whole, &Volume::new(part, (1000..1012).collect()));
-        assert_eq!([made.get(2, 1, 1), made.get(4, 2, 2), made.get(3, 2, 1)], [1000, 1011, 1004]);
-        let changed = made.data().iter().zip(whole.data()).filter(|(a, b)| a != b).count();
-        assert_eq!(changed, 12);
-    }
 
     /// Tag that is taken out here and tag that was taken out before give the same candidates.
     #[test]

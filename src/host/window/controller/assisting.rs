@@ -48,6 +48,22 @@ impl FlightController {
         self.answers_file = file;
     }
 
+    /// Keeps what is made from now on, with what was made until now, or nothing for the time being.
+    ///
+    /// # Errors
+    /// Returns status 5 if something cannot be stored; the rest is.
+    pub(crate) fn keep_files(&mut self, keeps: bool) -> crate::error::Result<()> {
+        self.keeps = keeps;
+        let answers = self.assistant.as_mut().map_or(Ok(()), |a| a.keep_now(keeps));
+        self.measures.keep_now(keeps).and(self.kinds.keep_now(keeps)).and(answers)
+    }
+
+    /// True if something was made that is not kept.
+    pub(super) fn has_unkept(&self) -> bool {
+        let answers = self.assistant.as_ref().map_or(0, |a| a.reading().changes_made());
+        !self.keeps && self.measures.changes_made() + self.kinds.changes_made() + answers > 0
+    }
+
     /// Lets the assistant go on.
     pub(super) fn take_found(&mut self, now: Instant) {
         let Some(assistant) = &mut self.assistant else { return };
@@ -72,7 +88,13 @@ impl FlightController {
     pub(crate) fn assist(&mut self, request: AssistInput, now: Instant) {
         self.attention = true;
         let (file, detector) = (&self.answers_file, self.detector);
-        let assistant = self.assistant.get_or_insert_with(|| Box::new(Assistant::new(detector, file.clone(), now)));
+        let keeps = self.keeps;
+        let assistant = self.assistant.get_or_insert_with(|| {
+            let mut made = Box::new(Assistant::new(detector, file.clone(), now));
+            // Nothing was said yet.
+            _ = made.keep_now(keeps);
+            made
+        });
         match request {
             AssistInput::Begin => assistant.retry(),
             AssistInput::Cancel => assistant.cancel(),

@@ -97,6 +97,11 @@ impl FlightController {
         &self.measures
     }
 
+    #[cfg(test)]
+    pub(crate) fn measures_mut(&mut self) -> &mut Measures {
+        &mut self.measures
+    }
+
     /// Restores the measures from the last time that this scan was open.
     pub(crate) fn set_measures(&mut self, measures: Measures) {
         self.measures = measures;

@@ -26,7 +26,8 @@ impl FlightController {
 
     /// Shows or hides the paint over what was not seen yet.
     pub(crate) fn show_seen(&mut self, shown: bool, now: Instant) {
-        let done = self.seen.show(shown, &mut self.flight, &self.wake, now);
+        let other = self.cleansing.other(&self.flight);
+        let done = self.seen.show(shown, &mut self.flight, other, &self.wake, now);
         let is_known = self.flight.camera::<LiveCoverage>().is_some();
         let told = match (done, shown, is_known) {
             (Err(e), ..) => e.to_string(),
@@ -208,11 +209,15 @@ impl FlightController {
     /// Takes what has come out of the background.
     pub(super) fn take_seen(&mut self, now: Instant) {
         self.wait_at_missed(now);
-        match self.seen.take(&mut self.flight, now) {
+        let other = self.cleansing.other(&self.flight);
+        self.seen.follow(&self.flight, other, &self.wake, now);
+        match self.seen.take(&mut self.flight, other, &self.wake, now) {
             Ok(None) => {}
             Ok(Some(News::Begun)) => {
-                let told = self.coverage_text();
-                self.say(told, now);
+                if self.seen.is_painted() {
+                    let told = self.coverage_text();
+                    self.say(told, now);
+                }
                 self.list_missed(now);
                 self.paint_anew();
             }

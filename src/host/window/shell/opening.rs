@@ -63,7 +63,7 @@ impl Shell {
 
     /// Forgets what is shown of a scan that is closed.
     pub(super) fn forget_pictures(&mut self) {
-        (self.session, self.scan, self.laid_out, self.painted) = (None, None, None, None);
+        (self.keeping, self.laid_out, self.painted) = (None, None, None);
         (self.flight_at, self.presented) = ([0; 4], PresentTimer::default());
         self.slices_at.clear();
         // It was about the scan that was open.

@@ -1,0 +1,191 @@
+//! What is looked at while nothing moves: at rest, after arriving, and between two movements of the hand.
+
+use std::time::{Duration, Instant};
+
+use super::FlightController;
+use crate::components::output::Picture;
+use crate::components::still::{StillView, StillViews};
+use crate::coverage::LiveCoverage;
+
+/// A view that is shown for so long was looked at.
+const LOOKED: Duration = Duration::from_millis(200);
+/// How long the paint of what was seen at rest stays.
+const FADES: Duration = Duration::from_secs(3);
+/// A camera at rest may drift by so much, mm, and as the cosine of an angle.
+const DRIFT_MM: f64 = 0.1;
+const DRIFT_COS: f64 = 0.999_99;
+
+/// The view that is shown.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Looking {
+    /// The view and when it was first shown, and whether it has been counted.
+    view: Option<(StillView, Instant, bool)>,
+    /// When the paint of what was seen at rest fades.
+    fades: Option<Instant>,
+}
+
+impl Looking {
+    /// Returns when there is something to do although nothing moves.
+    pub(super) fn next(&self) -> Option<Instant> {
+        let counts = self.view.filter(|v| !v.2).map(|v| v.1 + LOOKED);
+        counts.into_iter().chain(self.fades).min()
+    }
+}
+
+/// True if nobody would see a difference.
+fn is_same(a: &StillView, b: &StillView) -> bool {
+    a.position.distance(b.position) < DRIFT_MM
+        && a.attitude.forward.dot(b.attitude.forward) > DRIFT_COS
+        && a.attitude.up.dot(b.attitude.up) > DRIFT_COS
+        && a.fov_degrees == b.fov_degrees
+}
+
+impl FlightController {
+    /// Counts the view that is shown once it has been shown long enough.
+    pub(super) fn look_at_rest(&mut self, now: Instant) {
+        if self.looking.fades.is_some_and(|at| at <= now) {
+            self.looking.fades = None;
+            if let Some(mut coverage) = self.flight.camera_mut::<LiveCoverage>() {
+                coverage.rest(FADES.as_secs_f32());
+            }
+            self.flight.mark_picture();
+            self.attention = true;
+        }
+        match (self.shown_view(), self.looking.view) {
+            (None, _) => self.looking.view = None,
+            (Some(view), Some((before, since, is_counted))) if is_same(&view, &before) => {
+                if !is_counted && now.saturating_duration_since(since) >= LOOKED {
+                    self.looking.view = Some((before, since, true));
+                    self.count(before);
+                }
+            }
+            (Some(view), _) => self.looking.view = Some((view, now, false)),
+        }
+        self.look_again(now);
+    }
+
+    /// Returns the camera's view if the picture that is shown was made from there.
+    fn shown_view(&self) -> Option<StillView> {
+        let (pose, picture) = (self.flight.pose(), self.flight.camera::<Picture>()?);
+        let shown = picture.view.as_ref()?;
+        let view = |position, forward, up| StillView {
+            position,
+            attitude: crate::dynamics::Attitude { forward, up },
+            fov_degrees: picture.fov_degrees,
+        };
+        let own = view(pose.position, pose.attitude.forward, pose.attitude.up);
+        is_same(&own, &view(shown.position(), shown.forward(), shown.up())).then_some(own)
+    }
+
+    /// Counts a view, unless the trail has it or it was counted last.
+    fn count(&mut self, view: StillView) {
+        let usual = self.flight.setup().scene.image.fov_degrees;
+        let flown = self.flight.survey().trail().and_then(|t| t.views().last());
+        let flown = flown.map(|v| StillView { position: v.0, attitude: v.1, fov_degrees: usual });
+        let mut still = self.flight.camera::<StillViews>().cloned().unwrap_or_default();
+        if flown.iter().chain(still.views().last()).any(|known| is_same(known, &view)) {
+            return;
+        }
+        match self.flight.camera_mut::<StillViews>() {
+            Some(mut views) => views.add(view),
+            None => {
+                still.add(view);
+                _ = self.flight.app_mut().camera().insert(still);
+            }
+        }
+    }
+
+    /// Looks at the wall from the views that have not been taken.
+    fn look_again(&mut self, now: Instant) {
+        let Some(views) = self.flight.camera::<StillViews>().map(|s| s.views().len()) else { return };
+        let Some(coverage) = self.flight.camera::<LiveCoverage>().filter(|c| c.has_to_look(views)) else { return };
+        let (before, seconds) = (coverage.share(), self.flight.clock().seconds());
+        let still = self.flight.camera::<StillViews>().map_or_else(Vec::new, |s| s.views().to_vec());
+        let volume = self.flight.setup().volume.clone();
+        let Some(mut coverage) = self.flight.camera_mut::<LiveCoverage>() else { return };
+        coverage.look(&volume, &still, seconds);
+        if coverage.share() > before {
+            self.flight.mark_picture();
+            self.attention = true;
+            self.looking.fades = Some(now + FADES);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scan, Scene};
+    use crate::host::window::controller::tests::{cockpit_of, perform, trace};
+    use crate::phantom::{Phantom, PhantomSettings};
+    use crate::progress::Progress;
+    use crate::render::{ImageSize, Settings};
+
+    const FRAME: Duration = Duration::from_millis(25);
+
+    /// A paused flight in a window, whose coverage is watched.
+    fn paused() -> (FlightController, Instant) {
+        let phantom = Phantom::new(&PhantomSettings::embedded(1));
+        let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+        let mut scan = Scan::of(volume, &OpenOptions::default()).unwrap();
+        let settings = Settings { adaptive: false, ..Settings::default() };
+        let image = ImageSettings { width: 96, height: 72, settings, ..ImageSettings::default() };
+        let scene = Scene { picture: true, operator: true, image, ..Scene::guided_by("path") };
+        let mut flight = scan.flight(scene, &FlightRequest::default()).unwrap();
+        flight.fly(4.0).unwrap();
+        let mut c = cockpit_of(flight, 0.0, Vec::new());
+        let mut now = Instant::now();
+        perform(&mut c, "pause", now);
+        trace(&mut c, now);
+        c.show_seen(true, now);
+        let begun = Instant::now();
+        while c.seen().list().is_none() || c.cleansing().is_under_way() {
+            assert!(begun.elapsed() < Duration::from_secs(100), "{:?}", c.seen().state());
+            pass(&mut c, &mut now, 1, true);
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        pass(&mut c, &mut now, 200, true);
+        (c, now)
+    }
+
+    /// Lets frames pass, which are shown or not.
+    fn pass(c: &mut FlightController, now: &mut Instant, frames: usize, is_shown: bool) {
+        for _ in 0..frames {
+            *now += FRAME;
+            c.advance(*now).unwrap();
+            if is_shown {
+                trace(c, *now);
+            }
+        }
+    }
+
+    fn counted(c: &FlightController) -> (usize, usize, f64) {
+        let trail = c.flight().survey().trail().unwrap().views().len();
+        let still = c.flight().camera::<StillViews>().map_or(0, |s| s.views().len());
+        (trail, still, c.flight().camera::<LiveCoverage>().unwrap().share())
+    }
+
+    /// Fails if only the views of the trail count: it has none of a wider picture, nor of a turn of a few degrees.
+    #[test]
+    fn what_is_looked_at_at_rest_counts_once_it_was_shown_long_enough() {
+        let (mut c, mut now) = paused();
+        let (trail, still, share) = counted(&c);
+        c.zoom(-4.0);
+        pass(&mut c, &mut now, 4, true);
+        assert_eq!(counted(&c), (trail, still, share), "it was shown for a moment");
+        pass(&mut c, &mut now, 20, true);
+        let wide = counted(&c);
+        assert!(wide.0 == trail && wide.1 == still + 1 && wide.2 > share, "{wide:?} after {still} and {share}");
+        // A turn of some degrees that nobody is shown does not count, and counts once it is.
+        c.drag((4.0, 0.0), ImageSize::new(96, 72));
+        pass(&mut c, &mut now, 40, false);
+        assert_eq!(counted(&c), wide);
+        pass(&mut c, &mut now, 20, true);
+        let turned = counted(&c);
+        assert!(turned.0 == trail && turned.1 == wide.1 + 1 && turned.2 >= wide.2, "{turned:?}");
+        // Then nothing is left to do.
+        pass(&mut c, &mut now, 200, true);
+        assert!(c.rests() && c.looking.next().is_none() && counted(&c) == turned);
+        assert!(!trace(&mut c, now), "no picture is due");
+    }
+}

@@ -1,0 +1,338 @@
+//! What is kept of the open scan, and which window keeps it.
+//!
+//! The first window that opens a scan locks it, and keeps what is made there. Others show what was kept until they opened it, and keep
+//! nothing: whoever wrote last would overwrite the others. Once the first is closed, the next takes over, unless the first has changed
+//! what is kept: then what was made here would overwrite that. The system gives the lock of a program that has crashed free.
+
+use std::fs::{File, TryLockError};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use super::Resume;
+use super::controller::FlightController;
+use super::looked;
+use super::measures::Measures;
+use super::session::{ScanFiles, Session};
+use crate::app::FlightApp;
+use crate::components::still::StillViews;
+use crate::error::Error;
+use crate::output;
+
+/// Time between two tries to take over.
+const TRIES: Duration = Duration::from_secs(1);
+
+/// What is said when another window has the scan.
+pub(crate) const ELSEWHERE: &str =
+    "This case is open in another window. What you make here is not kept until that window is closed.";
+/// What is said when this window keeps the scan from now on.
+pub(crate) const TAKEN_OVER: &str = "the other window is closed: what you make here is kept";
+/// What is said when it cannot.
+pub(crate) const CHANGED: &str = "The other window has changed what is kept of this case, so what you make here is not kept. Open the scan again to go on with it.";
+
+/// Whether this window keeps the scan.
+enum Hold {
+    /// It does, with the lock, if the system has one.
+    Ours(#[expect(dead_code, reason = "it is locked while it is open")] Option<File>),
+    /// Another one does. The files of the scan as they were when they were read, and when the lock was tried.
+    Theirs(File, Vec<(PathBuf, Option<Vec<u8>>)>, Instant),
+    /// Nobody does: this one could not take over.
+    Nobody,
+}
+
+/// What became of a try to take over.
+pub(crate) enum Turn {
+    /// This window keeps the scan now.
+    TakenOver,
+    /// It cannot, because what is kept has changed.
+    Changed,
+}
+
+/// What is kept of the open scan.
+pub(crate) struct Keeping {
+    /// The file of the session; its name identifies the scan. `None` if the position of the flight is not kept.
+    session: Option<PathBuf>,
+    files: ScanFiles,
+    hold: Hold,
+}
+
+impl Keeping {
+    /// Begins to keep the scan with this session file, unless another window does.
+    pub(crate) fn of(session: Option<PathBuf>, resume: Resume, is_guided: bool, now: Instant) -> Self {
+        let files = ScanFiles::of(session.as_deref(), resume);
+        let session = session.filter(|_| resume != Resume::Never);
+        let hold = hold(&files, now);
+        // Without a guide there is no position from which another flight could continue.
+        Self { session: session.filter(|_| is_guided), files, hold }
+    }
+
+    /// Lets a flight that has just begun go on where the last one was left. Returns the position along the path, mm, if it does.
+    pub(crate) fn resume(&mut self, flight: &mut FlightApp, resume: Resume) -> Option<f64> {
+        if let Some(path) = &self.files.looked {
+            match looked::read(path, flight.setup().volume.voxels()) {
+                Ok(views) if views.is_empty() => {}
+                Ok(views) => _ = flight.app_mut().camera().insert(StillViews::from_iter(views)),
+                Err(e) => {
+                    output::to_stderr(format_args!("note: what was seen before is not known: {e}"));
+                    self.files.looked = None;
+                }
+            }
+        }
+        let path = self.session.as_deref().filter(|_| matches!(resume, Resume::Everything | Resume::Place))?;
+        let left = Session::read(path).unwrap_or_else(|e| {
+            output::to_stderr(format_args!("note: {e}"));
+            None
+        })?;
+        // A session that cannot be restored must not prevent the scan from opening.
+        left.resume(flight, resume).unwrap_or_else(|e| {
+            output::to_stderr(format_args!("note: the flight does not resume where you left it: {e}"));
+            None
+        })
+    }
+
+    /// Gives a window what was kept, and the files to keep it in. Returns the error of a file that is damaged.
+    pub(crate) fn equip(&self, controller: &mut FlightController) -> Option<Error> {
+        let files = self.files.clone();
+        let (measures, unread) = Measures::open(files.measures);
+        controller.set_measures(measures);
+        controller.set_answers_file(files.answers);
+        controller.set_kinds_file(files.kinds);
+        _ = controller.keep_files(self.is_ours());
+        unread
+    }
+
+    /// True if this window keeps what is made.
+    pub(crate) fn is_ours(&self) -> bool {
+        matches!(self.hold, Hold::Ours(_))
+    }
+
+    /// Returns what the reader must know about it.
+    pub(crate) fn warning(&self) -> Option<String> {
+        (!self.is_ours()).then(|| ELSEWHERE.to_owned())
+    }
+
+    /// Takes over once the other window is closed. Returns what became of it, if anything did.
+    pub(crate) fn take_over(&mut self, controller: &mut FlightController, now: Instant) -> Option<Turn> {
+        let Hold::Theirs(lock, before, tried) = &mut self.hold else { return None };
+        if now.saturating_duration_since(*tried) < TRIES {
+            return None;
+        }
+        *tried = now;
+        if lock.try_lock().is_err() {
+            return None;
+        }
+        let is_as_read = before.iter().all(|(path, bytes)| std::fs::read(path).ok() == *bytes);
+        let Hold::Theirs(lock, ..) = std::mem::replace(&mut self.hold, Hold::Nobody) else { return None };
+        if !is_as_read {
+            return Some(Turn::Changed);
+        }
+        self.hold = Hold::Ours(Some(lock));
+        if let Err(e) = controller.keep_files(true) {
+            output::to_stderr(format_args!("note: {e}"));
+        }
+        Some(Turn::TakenOver)
+    }
+
+    /// Returns when the next try to take over is due.
+    pub(crate) fn next(&self) -> Option<Instant> {
+        if let Hold::Theirs(.., tried) = &self.hold { Some(*tried + TRIES) } else { None }
+    }
+
+    /// Keeps where the flight is and what was looked at, when the scan is closed.
+    pub(crate) fn close(self, flight: &FlightApp) {
+        if !self.is_ours() {
+            return;
+        }
+        if let Some(path) = &self.session
+            && let Err(e) = Session::keep(Session::of(flight).as_ref(), path)
+        {
+            output::to_stderr(format_args!("note: the position of this flight was not saved: {e}"));
+        }
+        // Another window may have kept what was looked at there: nothing of it is lost.
+        if let Some(path) = &self.files.looked
+            && let Err(e) = looked::read(path, flight.setup().volume.voxels())
+                .and_then(|before| looked::keep(path, &[before, looked::of(flight)].concat()))
+        {
+            output::to_stderr(format_args!("note: what was seen was not saved: {e}"));
+        }
+    }
+}
+
+/// Locks the scan with these files, unless another window has.
+fn hold(files: &ScanFiles, now: Instant) -> Hold {
+    let Some(path) = &files.lock else { return Hold::Ours(None) };
+    let folder = path.parent().map_or(Ok(()), output::make_folder);
+    let open = || File::options().create(true).truncate(false).write(true).open(path);
+    let Some(lock) = folder.ok().and_then(|()| open().ok()) else { return Hold::Ours(None) };
+    match lock.try_lock() {
+        Ok(()) => Hold::Ours(Some(lock)),
+        Err(TryLockError::WouldBlock) => {
+            let all = [&files.measures, &files.answers, &files.kinds].into_iter().flatten();
+            Hold::Theirs(lock, all.map(|path| (path.clone(), std::fs::read(path).ok())).collect(), now)
+        }
+        // A file system without locks.
+        Err(TryLockError::Error(_)) => Hold::Ours(None),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+    use std::time::Duration;
+
+    use glam::DVec3;
+
+    use super::*;
+    use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scan, Scene};
+    use crate::components::input::{FlightCommand, Hand, HandCommand};
+    use crate::coverage::LiveCoverage;
+    use crate::host::window::controller::tests::{cockpit_of, flight, trace};
+
+    /// What a window keeps in a folder, as it is when it opens a scan.
+    fn opened(folder: &Path, now: Instant) -> Keeping {
+        let file = |name: &str| Some(folder.join(name).join("a.json"));
+        let files = ScanFiles {
+            measures: file("measures"),
+            answers: file("answers"),
+            kinds: file("kinds"),
+            looked: file("seen"),
+            lock: file("locks"),
+        };
+        Keeping { hold: hold(&files, now), session: file("sessions"), files }
+    }
+
+    /// A window that shows a flight with what was kept.
+    fn window(keeping: &mut Keeping) -> FlightController {
+        let mut flight = flight("tentacles");
+        keeping.resume(&mut flight, Resume::Everything);
+        let mut c = cockpit_of(flight, 0.0, Vec::new());
+        assert!(keeping.equip(&mut c).is_none());
+        c
+    }
+
+    fn measure(c: &mut FlightController, to: DVec3) {
+        c.measures_mut().click(DVec3::ZERO).unwrap();
+        c.measures_mut().click(to).unwrap();
+    }
+
+    fn kept(folder: &Path) -> usize {
+        Measures::open(Some(folder.join("measures").join("a.json"))).0.list().len()
+    }
+
+    /// Fails if the second window writes: the distance of the first, or its own, would be gone.
+    #[test]
+    fn a_second_window_keeps_nothing_until_the_first_is_closed() {
+        let (dir, mut now) = (tempfile::tempdir().unwrap(), Instant::now());
+        let mut first = opened(dir.path(), now);
+        let mut a = window(&mut first);
+        measure(&mut a, DVec3::X);
+        let mut second = opened(dir.path(), now);
+        assert!(first.warning().is_none() && second.warning().unwrap().contains("open in another window"));
+        let mut b = window(&mut second);
+        measure(&mut b, DVec3::Y);
+        assert_eq!((b.measures().list().len(), kept(dir.path())), (2, 1), "it shows what was kept, and keeps nothing");
+        assert!(b.unfinished().unwrap().contains("not kept") && a.unfinished().is_none());
+        now += Duration::from_secs(2);
+        assert!(second.take_over(&mut b, now).is_none() && second.next().is_some());
+        first.close(a.flight());
+        assert!(second.take_over(&mut b, now).is_none(), "not tried again at once");
+        now += Duration::from_secs(2);
+        assert!(matches!(second.take_over(&mut b, now), Some(Turn::TakenOver)));
+        assert!(second.is_ours() && second.next().is_none() && b.unfinished().is_none());
+        assert_eq!(kept(dir.path()), 2);
+        measure(&mut b, DVec3::Z);
+        assert_eq!(kept(dir.path()), 3);
+        // The next one finds it locked in turn.
+        assert!(!opened(dir.path(), now).is_ours());
+        second.close(b.flight());
+        assert!(opened(dir.path(), now).is_ours());
+    }
+
+    #[test]
+    fn what_the_first_window_has_changed_meanwhile_is_not_overwritten() {
+        let (dir, mut now) = (tempfile::tempdir().unwrap(), Instant::now());
+        let mut first = opened(dir.path(), now);
+        let mut a = window(&mut first);
+        let mut second = opened(dir.path(), now);
+        let mut b = window(&mut second);
+        measure(&mut b, DVec3::Y);
+        measure(&mut a, DVec3::X);
+        measure(&mut a, DVec3::Z);
+        first.close(a.flight());
+        now += Duration::from_secs(2);
+        assert!(matches!(second.take_over(&mut b, now), Some(Turn::Changed)));
+        assert!(!second.is_ours() && second.next().is_none() && b.unfinished().is_some());
+        measure(&mut b, DVec3::Y);
+        second.close(b.flight());
+        assert_eq!(kept(dir.path()), 2);
+    }
+
+    /// Fails if what was seen is lost when a scan is closed.
+    #[test]
+    fn what_was_seen_is_there_when_the_scan_is_opened_again() {
+        let dir = tempfile::tempdir().unwrap();
+        let now = Instant::now();
+        let open = || {
+            let image = ImageSettings { width: 64, height: 48, ..ImageSettings::default() };
+            let scene = Scene { picture: true, operator: true, image, ..Scene::guided_by("tentacles") };
+            let mut scan = Scan::phantom_with(1, &OpenOptions::default()).unwrap();
+            scan.flight(scene, &FlightRequest::default()).unwrap()
+        };
+        let share = |flight| {
+            let mut c = cockpit_of(flight, 0.0, Vec::new());
+            let mut now = Instant::now();
+            trace(&mut c, now);
+            c.show_seen(true, now);
+            let begun = Instant::now();
+            while c.seen().list().is_none() || c.cleansing().is_under_way() {
+                assert!(begun.elapsed() < Duration::from_secs(100), "{:?}", c.seen().state());
+                now += Duration::from_millis(1);
+                c.advance(now).unwrap();
+                std::thread::sleep(Duration::from_millis(2));
+            }
+            c.flight().camera::<LiveCoverage>().unwrap().share()
+        };
+        let mut flown = open();
+        flown.fly(6.0).unwrap();
+        opened(dir.path(), now).close(&flown);
+        let mut again = open();
+        let mut keeping = opened(dir.path(), now);
+        assert!(keeping.resume(&mut again, Resume::Nothing).is_none());
+        let [nothing, before, then] = [open(), flown, again].map(share);
+        assert!(before > nothing + 0.02 && then > before - 0.005, "{nothing}, {before}, and then {then}");
+        // It stays when nothing more is seen, and a damaged file is left as it is.
+        let path = keeping.files.looked.clone().unwrap();
+        keeping.close(&open());
+        assert!(std::fs::metadata(&path).unwrap().len() > 1000);
+        std::fs::write(&path, "damaged").unwrap();
+        let mut keeping = opened(dir.path(), now);
+        keeping.resume(&mut open(), Resume::Nothing);
+        keeping.close(&open());
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "damaged");
+    }
+
+    #[test]
+    fn a_case_that_was_left_paused_opens_paused() {
+        let dir = tempfile::tempdir().unwrap();
+        for (is_paused, state) in [(false, "flying"), (true, "paused")] {
+            let mut left = flight("tentacles");
+            left.act(FlightCommand::Segment(0)).unwrap();
+            left.act(HandCommand::Pause(is_paused)).unwrap();
+            left.fly(0.1).unwrap();
+            assert_eq!(left.camera::<Hand>().unwrap().paused, is_paused);
+            opened(dir.path(), Instant::now()).close(&left);
+            let mut keeping = opened(dir.path(), Instant::now());
+            let mut c = window(&mut keeping);
+            let (start, mut now) = (c.flight().pose().position, Instant::now());
+            for _ in 0..40 {
+                now += Duration::from_millis(25);
+                c.advance(now).unwrap();
+            }
+            let hud = c.hud(now);
+            assert_eq!(hud.state, state);
+            assert_eq!(hud.more.iter().any(|m| m == "Space flies on."), is_paused, "{:?}", hud.more);
+            let mm = c.flight().pose().position.distance(start);
+            assert!(if is_paused { mm < 0.5 } else { mm > 1.0 }, "{mm} mm");
+            keeping.close(c.flight());
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! The work behind what was seen of the wall, each in the background.
+
+use std::sync::Arc;
+
+use bevy_ecs::prelude::Entity;
+use glam::DVec3;
+
+use super::{Patch, Watched, flown};
+use crate::app::{FlightApp, Setup};
+use crate::components::still::{StillView, StillViews};
+use crate::coverage::{CoveragePaint, LiveCoverage, Scans, missed};
+use crate::dynamics::Attitude;
+use crate::error::Result;
+use crate::fields::{Lumen, Through, WallDistance};
+use crate::host::window::job::Job;
+use crate::host::window::screenshot_renderer::WakeUp;
+use crate::host::window::shown::ShownScan;
+use crate::progress::Progress;
+
+/// When what is looked at again was seen, s: its paint has faded.
+const LONG_AGO: f64 = f64::NEG_INFINITY;
+
+/// Extracts the wall of the scan that is shown and looks at the views until now, in the background.
+pub(super) fn begin(flight: &FlightApp, other: Option<Entity>, wake: &WakeUp) -> Result<Job<Watched>> {
+    let (volume, gas) = (flight.setup().volume.clone(), Arc::clone(flown(flight)));
+    let shown = other.and_then(|other| ShownScan::of(flight, other));
+    let (views, still) = views(flight);
+    let fov_degrees = flight.setup().scene.image.fov_degrees;
+    let work = move |progress: &Arc<Progress>| {
+        let mut coverage = match shown {
+            Some(shown) => shown.coverage(progress)?,
+            None => LiveCoverage::of(&volume, &gas, progress)?,
+        };
+        coverage.set_fov(fov_degrees);
+        coverage.catch_up(&volume, &views, LONG_AGO);
+        coverage.look(&volume, &still, LONG_AGO);
+        let paint = CoveragePaint::new(&coverage);
+        Ok((coverage, paint))
+    };
+    let wake = Arc::clone(wake);
+    Job::start("coverage", &Arc::new(Progress::new()), work, move || wake())
+}
+
+/// Looks at the views since a wall was watched last, in the background.
+pub(super) fn catch_up((mut coverage, paint): Watched, flight: &FlightApp, wake: &WakeUp) -> Result<Job<Watched>> {
+    let (volume, (views, still)) = (flight.setup().volume.clone(), views(flight));
+    let work = move |_: &Arc<Progress>| {
+        coverage.catch_up(&volume, &views, LONG_AGO);
+        coverage.look(&volume, &still, LONG_AGO);
+        Ok((coverage, paint))
+    };
+    let wake = Arc::clone(wake);
+    Job::start("coverage", &Arc::new(Progress::new()), work, move || wake())
+}
+
+/// Returns the views of the flight's trail, and those beside it.
+fn views(flight: &FlightApp) -> (Vec<(DVec3, Attitude)>, Vec<StillView>) {
+    let trail = flight.survey().trail().map_or_else(Vec::new, |t| t.views().to_vec());
+    (trail, flight.camera().map_or_else(Vec::new, |s: &StillViews| s.views().to_vec()))
+}
+
+/// Computes the distances to the wall of the gas that is flown, in the background.
+pub(super) fn prepare(flight: &FlightApp, wake: &WakeUp) -> Result<Job<(Arc<Lumen>, Arc<WallDistance>)>> {
+    let Setup { volume, lumen, plan, .. } = flight.setup();
+    let (volume, gas) = (volume.clone(), Arc::clone(plan.gas.as_ref().unwrap_or(lumen)));
+    let work = move |progress: &Arc<Progress>| {
+        let walls = WallDistance::of_lumen(volume.voxels(), &gas, Through::Gas, progress)?;
+        Ok((gas, Arc::new(walls)))
+    };
+    let wake = Arc::clone(wake);
+    Job::start("tour", &Arc::new(Progress::new()), work, move || wake())
+}
+
+/// Lists the missed patches in the background.
+pub(super) fn list(coverage: &LiveCoverage, flight: &FlightApp, wake: &WakeUp) -> Result<Job<Vec<Patch>>> {
+    let (coverage, setup) = (coverage.clone(), flight.setup());
+    let (radius, volume) = (setup.scene.body.radius_mm, setup.volume.clone());
+    let work = move |progress: &Arc<Progress>| {
+        let along = coverage.gas().along(volume.voxels(), progress)?;
+        let scans = Scans { shown: coverage.scan(&volume), flown: &volume };
+        let is_missed = coverage.missed();
+        let (wall, place) = (coverage.wall(), |p: DVec3| along.of(p));
+        let found = missed::missed(wall, |n| !is_missed[n], missed::LEAST_MM2, place, scans, radius);
+        let (unseen, numbers) = wall.part(|n| is_missed[n]);
+        let mut is_visited = vec![false; found.len()];
+        for n in missed::to_visit(&found, &unseen, &numbers, scans.shown, coverage.camera()) {
+            is_visited[n] = true;
+        }
+        let mut found: Vec<Patch> = found.into_iter().zip(is_visited).collect();
+        // What has no place along the colon comes last.
+        let mm = |p: &Patch| p.0.along.map_or(f64::INFINITY, |a| a.mm);
+        found.sort_by(|a, b| mm(a).total_cmp(&mm(b)));
+        Ok(found)
+    };
+    let wake = Arc::clone(wake);
+    Job::start("missed", &Arc::new(Progress::new()), work, move || wake())
+}
