@@ -277,7 +277,9 @@ mod tests {
             let mut scan = Scan::phantom_with(1, &OpenOptions::default()).unwrap();
             scan.flight(scene, &FlightRequest::default()).unwrap()
         };
-        let share = |flight| {
+        let share = |mut flight: FlightApp| {
+            // Nothing more is seen meanwhile.
+            flight.act(HandCommand::Pause(true)).unwrap();
             let mut c = cockpit_of(flight, 0.0, Vec::new());
             let mut now = Instant::now();
             trace(&mut c, now);

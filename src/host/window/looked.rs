@@ -140,7 +140,7 @@ mod tests {
         let view = |n: usize| {
             let t = n as f64 * 0.37;
             let attitude = Attitude::new(DVec3::new(t.cos(), t.sin(), (0.3 * t).sin()), DVec3::Z);
-            let position = DVec3::new(20.0 * t.sin(), 20.0 * (0.7 * t).cos(), 0.001 * n as f64) + 15.0;
+            let position = DVec3::new(20.0 * t.sin(), 20.0 * (0.7 * t).cos(), 0.0003 * n as f64) + 15.0;
             StillView { position, attitude, fov_degrees: 60.0 + (n % 3) as f64 * 30.0 }
         };
         (0..count).map(view).collect()
