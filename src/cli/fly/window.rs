@@ -38,24 +38,19 @@ pub(crate) fn fly(
     let guides = scene.guides.clone();
     let timings = Arc::new(Mutex::new(Timings::default()));
     let flown = Rc::new(Cell::new(false));
-    let first = opening(args, global, scene, &timings, Rc::clone(&flown))?;
+    let first = opening(program, args, global, false, &timings, Rc::clone(&flown))?;
     let (own_timings, own_flown) = (Arc::clone(&timings), Rc::clone(&flown));
     let (own_program, own_args, own_global) = (program.clone(), args.clone(), global.clone());
     let open = move |asked: Asked| {
         let Asked { input, series, is_flying, is_whole } = asked;
         // The files that were asked for are those of the first scan that is flown.
         let is_first = !is_flying && !own_flown.get();
-        let mut args = for_another(own_args.clone(), input, is_first);
-        let mut global = Global { series, ..own_global.clone() };
-        if is_whole {
-            (args.guide, args.from, global.cleanse) = (Some(WHOLE.to_owned()), Some(Point::Rectum), true);
+        let args = for_another(own_args.clone(), input, is_first);
+        let global = Global { series, ..own_global.clone() };
+        match is_first {
+            true => opening(&own_program, &args, &global, is_whole, &own_timings, Rc::clone(&own_flown)),
+            false => opening(&own_program, &args, &global, is_whole, &Arc::default(), Rc::default()),
         }
-        let scene = super::scene(&own_program, &args, &global, Screen::Window)?;
-        let opening = match is_first {
-            true => opening(&args, &global, scene, &own_timings, Rc::clone(&own_flown)),
-            false => opening(&args, &global, scene, &Arc::default(), Rc::default()),
-        }?;
-        Ok(if is_whole { whole(opening) } else { opening })
     };
     let launch = window::Launch {
         first,
@@ -81,19 +76,33 @@ const WHOLE: &str = "path";
 /// The speed at which it is read, mm/s: slow enough to look at every fold, as readers fly it.
 const READING_MM_S: f64 = 20.0;
 
-/// The opening of a scan whose whole colon is read, at the speed of reading.
-fn whole(opening: window::Opening) -> window::Opening {
-    let prepare = opening.prepare;
-    let prepare: window::Prepare = Box::new(move |progress| {
-        let mut ready = prepare(progress)?;
-        let cruise = ready.flight.setup().scene.cruise_mm_s();
-        if cruise > READING_MM_S {
-            // To nine digits, as the operator's input is recorded.
-            ready.flight.act(HandCommand::Speed((READING_MM_S / cruise * 1e9).round() / 1e9))?;
-        }
-        Ok(ready)
-    });
-    window::Opening { prepare, ..opening }
+/// A flight through a scan: how it is steered, between which places, and whether the tag is taken out first.
+struct Way {
+    scene: Scene,
+    request: FlightRequest,
+    cleanse: bool,
+    /// The speed at which it begins, mm/s; the cruise speed of the scene if `None`.
+    mm_s: Option<f64>,
+}
+
+impl Way {
+    /// The way that the arguments ask for.
+    ///
+    /// # Errors
+    /// Returns status 2 for invalid arguments.
+    fn asked(program: &Program, args: &FlyArgs, global: &Global) -> Result<Self> {
+        let scene = scene(program, args, global, Screen::Window)?;
+        Ok(Self { scene, request: request(args), cleanse: global.cleanse, mm_s: None })
+    }
+
+    /// The way through the whole colon: from the rectum along the centerline, through what was fluid and stool.
+    ///
+    /// # Errors
+    /// As [`Way::asked`].
+    fn whole(program: &Program, args: &FlyArgs, global: &Global) -> Result<Self> {
+        let args = FlyArgs { guide: Some(WHOLE.to_owned()), from: Some(Point::Rectum), ..args.clone() };
+        Ok(Self { cleanse: true, mm_s: Some(READING_MM_S), ..Self::asked(program, &args, global)? })
+    }
 }
 
 /// Checks that a flight has written the files that were asked for.
@@ -173,24 +182,47 @@ fn covering(args: &FlyArgs, global: &Global) -> Result<Option<Covering>> {
 
 /// How to open a scan; sets `flown` once it was flown.
 fn opening(
+    program: &Program,
     args: &FlyArgs,
     global: &Global,
-    scene: Scene,
+    is_whole: bool,
     timings: &Arc<Mutex<Timings>>,
     flown: Rc<Cell<bool>>,
 ) -> Result<window::Opening> {
+    let resume = if is_whole { Resume::Nothing } else { resume(args) };
+    let asked = Way::asked(program, args, global)?;
+    // Where the command line leaves it to the reader, the settings and the last time decide.
+    let is_open = resume == Resume::Everything && args.seconds.is_none();
+    let whole = if is_whole || is_open { Some(Way::whole(program, args, global)?) } else { None };
     let commands = args.replay.as_deref().map(read_commands).transpose()?;
-    let (kept, prepare_args, prepare_global) = (Arc::clone(timings), args.clone(), global.clone());
+    let (kept, prepare_args) = (Arc::clone(timings), args.clone());
+    let prepare_global = Global { cleanse: false, ..global.clone() };
     let prepare: window::Prepare = Box::new(move |progress| {
         let args = prepare_args;
-        let mut scan = prepare::open_unsaid(args.input.as_deref(), &prepare_global, scene.image.preset, progress)?;
-        let notes = told_notes(&mut scan);
+        let mut scan =
+            prepare::open_unsaid(args.input.as_deref(), &prepare_global, asked.scene.image.preset, progress)?;
+        let mut notes = told_notes(&mut scan);
+        // The case is that of the scan as it is in its file, whether or not its tag is taken out.
         let session = window::SessionFile::of(scan.volume().voxels());
-        if resume(&args) != Resume::Never {
+        if resume != Resume::Never {
             scan.tell(session.told());
         }
-        let request = request(&args);
-        Departure { scan, scene, session, args, commands, notes, timings: kept }.depart(request, progress)
+        let whole = whole.filter(|_| is_whole || window::opens_whole() || session.was_whole());
+        let Way { scene, request, cleanse, mm_s } = whole.unwrap_or(asked);
+        if cleanse {
+            let taken = scan.cleanse()?.to_string();
+            say(&taken);
+            notes.push(taken);
+        }
+        let mut ready =
+            Departure { scan, scene, session, args, commands, notes, timings: kept }.depart(request, progress)?;
+        if let Some(mm_s) = mm_s {
+            let cruise = ready.flight.setup().scene.cruise_mm_s();
+            // To nine digits, as the operator's input is recorded.
+            let speed = (mm_s / cruise.max(1e-3) * 1e9).round() / 1e9;
+            ready.flight.act(HandCommand::Speed(speed.min(1.0)))?;
+        }
+        Ok(ready)
     });
     let (finish_args, finish_timings) = (args.clone(), Arc::clone(timings));
     let covering = covering(args, global)?;
@@ -212,7 +244,7 @@ fn opening(
         series: global.series,
         prepare,
         finish,
-        resume: resume(args),
+        resume,
         log: args.log.clone(),
         seconds: args.seconds,
     })
@@ -386,9 +418,37 @@ mod tests {
     }
     /// Opens a scan in a window, as far as that goes without one.
     fn opened(args: &FlyArgs) -> Result<window::Ready> {
-        let scene = Scene { picture: true, ..Scene::guided_by("tentacles") };
-        let opening = opening(args, &Global::default(), scene, &Arc::default(), Rc::default()).unwrap();
+        let (program, global) = (Program::default(), Global::default());
+        let opening = opening(&program, args, &global, false, &Arc::default(), Rc::default()).unwrap();
         (opening.prepare)(&Arc::new(Progress::new()))
+    }
+
+    /// The case stays the same: only the flight through it is another.
+    #[test]
+    fn the_whole_colon_is_read_from_the_rectum_without_tag_at_the_speed_of_reading() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("tagged.nii");
+        let phantom = Phantom::new(&PhantomSettings { fluid: true, ..PhantomSettings::embedded(1) });
+        let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+        io::save(&file, &volume, &Progress::new()).unwrap();
+        let args = FlyArgs { input: Some(file), ..FlyArgs::default() };
+        let open = |is_whole: bool| {
+            let (program, global) = (Program::default(), Global::default());
+            let opening = opening(&program, &args, &global, is_whole, &Arc::default(), Rc::default()).unwrap();
+            assert_eq!(opening.resume == Resume::Nothing, is_whole);
+            (opening.prepare)(&Arc::new(Progress::new())).unwrap()
+        };
+        let (usual, whole) = (open(false), open(true));
+        assert_eq!((usual.flight.setup().scene.guide_name(), usual.flight.setup().cleansed.is_some()), ("tentacles", false));
+        let setup = whole.flight.setup();
+        assert!(setup.scene.guide_name() == WHOLE && setup.cleansed.as_ref().is_some_and(|c| !c.changes.is_empty()));
+        assert_eq!(usual.session_file(), whole.session_file());
+        assert!(whole.notes.iter().any(|n| n.starts_with("took ")), "{:?}", whole.notes);
+        let mut flight = whole.flight;
+        assert!(!flight.setup().is_reversed());
+        flight.step().unwrap();
+        let speed = flight.camera::<Hand>().unwrap().speed * flight.setup().scene.cruise_mm_s();
+        assert!((speed - READING_MM_S).abs() < 1e-6, "{speed} mm/s");
     }
 
     #[test]

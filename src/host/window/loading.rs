@@ -27,6 +27,14 @@ pub(crate) struct Ready {
     pub unflown: Option<Unflown>,
 }
 
+#[cfg(test)]
+impl Ready {
+    /// Returns the file of the scan's session.
+    pub(crate) fn session_file(&self) -> Option<&std::path::Path> {
+        self.session.as_deref()
+    }
+}
+
 /// A scan that cannot be flown, or not from where it was to be.
 pub(crate) struct Unflown {
     /// Why not.
@@ -56,6 +64,12 @@ impl SessionFile {
             output::to_stderr(format_args!("note: {e}"));
             Vec::new()
         })
+    }
+
+    /// True if the whole colon was read when the scan was closed, and not to its end. A file that cannot be read is told of later.
+    pub(crate) fn was_whole(&self) -> bool {
+        let read = self.0.as_deref().map(session::Session::read);
+        read.and_then(Result::ok).flatten().is_some_and(|s| s.is_whole())
     }
 
     /// Combines the session file with the scan's flight.

@@ -127,6 +127,11 @@ pub(crate) fn key_page(
     Ok(groups.iter().map(group).collect::<Vec<_>>().join("\n"))
 }
 
+/// True if the user's settings open every scan with one flight through the whole colon.
+pub(crate) fn opens_whole() -> bool {
+    settings::opens() == settings::Opens::Whole
+}
+
 /// Returns the path of the user's window settings, if the system defines a folder for them.
 pub(crate) fn settings_file() -> Option<PathBuf> {
     settings::file()

@@ -49,6 +49,9 @@ pub(crate) struct Session {
     /// True if it was paused.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     paused: bool,
+    /// True if it was a flight along the centerline of a scan without its tag, which reads the whole colon.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    whole: bool,
 }
 
 impl folders::Kept for Session {
@@ -79,7 +82,13 @@ impl Session {
             speed: flight.camera::<Hand>().map_or(1.0, |h| h.speed),
             along_mm: share * length_mm,
             paused: flight.camera::<Hand>().is_some_and(|h| h.paused),
+            whole: flight.setup().cleansed.is_some() && flight.setup().scene.guide_name() == "path",
         })
+    }
+
+    /// True if the flight read the whole colon.
+    pub(crate) fn is_whole(&self) -> bool {
+        self.whole
     }
 
     /// Restores this state in a flight that has just begun, with [`Resume::Everything`] including the guide. Returns the position
@@ -227,6 +236,7 @@ mod tests {
             speed: 1.25,
             along_mm: 310.5,
             paused: true,
+            whole: false,
         }
     }
 

@@ -2,6 +2,7 @@
 //!
 //! ```toml
 //! version = 1
+//! opens = "whole"                 # a scan opens with one flight through the whole colon; "flight" (usual) takes the largest segment
 //! screenshots = "/home/me/colon"   # the folder of screenshots, instead of colvis in that of pictures
 //! [keys]                       # an action's id, and its keys in the place of its own
 //! reverse = ["Z", "Ctrl+R"]
@@ -31,9 +32,23 @@ pub(crate) struct Settings {
     /// Keys by actions.
     #[serde(default)]
     pub keys: KeySettings,
+    /// How a scan opens.
+    #[serde(default)]
+    pub opens: Opens,
     /// The folder of screenshots.
     #[serde(default)]
     pub screenshots: Option<PathBuf>,
+}
+
+/// How a scan opens where the command line says nothing about it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Opens {
+    /// With a flight through the largest segment.
+    #[default]
+    Flight,
+    /// With one flight through the whole colon, from the rectum, its tag taken out.
+    Whole,
 }
 
 impl Settings {
@@ -62,6 +77,11 @@ pub(crate) fn screenshots() -> Option<PathBuf> {
     Settings::read(&file()?).ok()??.screenshots
 }
 
+/// Returns how a scan opens. A damaged file has been told of where its keys were read.
+pub(crate) fn opens() -> Opens {
+    file().and_then(|path| Settings::read(&path).ok()?).map_or(Opens::default(), |s| s.opens)
+}
+
 /// Returns the path of the settings file; `None` on a system that defines no folder for it.
 pub(crate) fn file() -> Option<PathBuf> {
     Folder::Configuration.file("settings.toml")
@@ -81,7 +101,11 @@ mod tests {
         assert_eq!((&read.keys["reverse"][..], read.screenshots), (&["Z".to_owned()][..], None));
         std::fs::write(&path, "version = 1\nscreenshots = \"shots\"\n").unwrap();
         assert_eq!(Settings::read(&path).unwrap().unwrap().screenshots, Some(PathBuf::from("shots")));
+        assert_eq!(Settings::read(&path).unwrap().unwrap().opens, Opens::Flight);
+        std::fs::write(&path, "version = 1\nopens = \"whole\"\n").unwrap();
+        assert_eq!(Settings::read(&path).unwrap().unwrap().opens, Opens::Whole);
         for (text, word) in [
+            ("version = 1\nopens = \"half\"", "line 2"),
             ("version = 2", "version 2"),
             ("", "version"),
             ("version = 1\n[keys]\nreverse = 3", "line 3"),
