@@ -178,7 +178,7 @@ impl Finders {
 
     /// True if a body fits at a place (world, mm), in what is flown and in what is shown.
     fn fits(&self, at: DVec3, mm: f64) -> bool {
-        let is_free = |walls: &ClearanceFinder| !(walls.clearance(at).mm < mm);
+        let is_free = |walls: &ClearanceFinder| walls.clearance(at).mm >= mm;
         is_free(&self.shown) && self.flown.as_ref().is_none_or(is_free)
     }
 }

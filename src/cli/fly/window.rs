@@ -353,6 +353,8 @@ mod tests {
 
     use super::*;
     use crate::cli::files::Files;
+    use crate::components::input::Hand;
+    use crate::phantom::{Phantom, PhantomSettings};
     use crate::volume::{Grid, Volume, io};
 
     #[test]
@@ -439,7 +441,10 @@ mod tests {
             (opening.prepare)(&Arc::new(Progress::new())).unwrap()
         };
         let (usual, whole) = (open(false), open(true));
-        assert_eq!((usual.flight.setup().scene.guide_name(), usual.flight.setup().cleansed.is_some()), ("tentacles", false));
+        assert_eq!(
+            (usual.flight.setup().scene.guide_name(), usual.flight.setup().cleansed.is_some()),
+            ("tentacles", false)
+        );
         let setup = whole.flight.setup();
         assert!(setup.scene.guide_name() == WHOLE && setup.cleansed.as_ref().is_some_and(|c| !c.changes.is_empty()));
         assert_eq!(usual.session_file(), whole.session_file());
