@@ -359,6 +359,13 @@ impl FlightController {
         self.quiet = 0;
         // Any operator command interrupts an animated move.
         self.travel = None;
+        let command = command.into();
+        // Whoever sends the flight elsewhere ends the round of reviews, too.
+        if let Command::Flight(sent) = &command
+            && !matches!(sent, FlightCommand::ViewAngle(_))
+        {
+            self.seen.goes_on = false;
+        }
         let followed = self.flight.act(command);
         if let Err(e) = &followed {
             self.say(format!("{}: {}", e.what, e.why), now);

@@ -4,6 +4,7 @@
 
 mod jobs;
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -44,6 +45,10 @@ pub(crate) struct Seen {
     current: Option<usize>,
     /// The patch (world, mm) that the camera was sent to.
     pub(crate) goes_to: Option<DVec3>,
+    /// True while a review is under way that goes on in the next segment once it is over.
+    pub(crate) goes_on: bool,
+    /// The segments that it was in.
+    pub(crate) reviewed: BTreeSet<usize>,
     /// The paint, while it is not shown.
     paint: Option<CoveragePaint>,
     /// What was seen of the scan that is not shown now.
@@ -91,6 +96,8 @@ impl Seen {
             is_visited: Vec::new(),
             current: None,
             goes_to: None,
+            goes_on: false,
+            reviewed: BTreeSet::new(),
             paint: None,
             aside: None,
             begun_for: None,
@@ -335,6 +342,14 @@ impl Seen {
         (here.into_iter().filter_map(stop).collect(), elsewhere.len())
     }
 
+    /// Returns the segments other than the flown one in which a review has places to look at.
+    pub(crate) fn segments_left(&self, flight: &FlightApp) -> BTreeSet<usize> {
+        let Some(coverage) = flight.camera::<LiveCoverage>() else { return BTreeSet::new() };
+        let visited = self.list.iter().flatten().zip(&self.is_visited).filter(|(_, is_visited)| **is_visited);
+        let left = visited.map(|v| v.0).filter(|m| coverage.share_of(&m.triangles) < 0.5);
+        left.filter(|m| !is_here(m, flight)).filter_map(|m| segment_of(m, flight)).collect()
+    }
+
     /// Returns how many of the listed patches lie in the gas that is flown.
     pub(crate) fn count_here(&self, flight: &FlightApp) -> usize {
         self.list.iter().flatten().filter(|m| is_here(m, flight)).count()
@@ -350,12 +365,16 @@ impl Seen {
 
 /// True if a patch lies in the segment that is flown, or in the one body of gas that is.
 fn is_here(patch: &Missed, flight: &FlightApp) -> bool {
-    let Setup { lumen, plan, .. } = flight.setup();
+    flight.setup().plan.segment.is_none_or(|flown| segment_of(patch, flight) == Some(flown))
+}
+
+/// Returns the segment that a patch is looked at from, or lies in.
+fn segment_of(patch: &Missed, flight: &FlightApp) -> Option<usize> {
+    let lumen = &flight.setup().lumen;
     let looked_from = patch.look_from.and_then(|from| lumen.segment_at(from.position));
     // The segments of a scan that is shown beside are others.
     let is_beside = flight.camera::<LiveCoverage>().is_some_and(LiveCoverage::is_beside);
-    let segment = looked_from.or(patch.along.filter(|_| !is_beside).map(|a| a.segment));
-    plan.segment.is_none_or(|flown| segment == Some(flown))
+    looked_from.or(patch.along.filter(|_| !is_beside).map(|a| a.segment))
 }
 
 /// Returns the gas that is flown.

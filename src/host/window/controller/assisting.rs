@@ -240,13 +240,23 @@ impl FlightController {
 
     /// Returns the stops of a review that look at the candidates that the reader is unsure of, in the segment that is flown.
     pub(super) fn unsure_stops(&self) -> Vec<ReviewStop> {
+        let flown = self.flight.setup().plan.segment;
+        let here = self.unsure().into_iter().filter(|(segment, _)| flown.is_none_or(|flown| flown == *segment));
+        here.map(|(_, stop)| stop).collect()
+    }
+
+    /// Returns the segments that they are in.
+    pub(super) fn unsure_segments(&self) -> Vec<usize> {
+        self.unsure().into_iter().map(|(segment, _)| segment).collect()
+    }
+
+    /// Returns the stops at the candidates that the reader is unsure of, each with its segment.
+    fn unsure(&self) -> Vec<(usize, ReviewStop)> {
         let Some((assistant, found)) = self.assistant().and_then(|a| Some((a, a.found()?))) else { return Vec::new() };
         let is_unsure = |n: usize| assistant.reading().said(n).is_some_and(|s| s.answer == Some(Answer::Unsure));
-        let flown = self.flight.setup().plan.segment;
         let seen = found.list.iter().enumerate().filter(|(n, _)| is_unsure(*n)).filter_map(|(_, entry)| {
             let (pose, segment) = self.seen_from(entry)?;
-            let is_flown = flown.is_none_or(|flown| flown == segment);
-            is_flown.then(|| ReviewStop::new(pose.position, Some(entry.candidate.position)))
+            Some((segment, ReviewStop::new(pose.position, Some(entry.candidate.position))))
         });
         seen.collect()
     }

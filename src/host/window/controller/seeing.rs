@@ -93,7 +93,7 @@ impl FlightController {
         if self.flight.act(FlightCommand::Review(vec![stop])).is_err() {
             return self.visit_missed(n, now);
         }
-        self.seen.goes_to = Some(place);
+        (self.seen.goes_to, self.seen.goes_on) = (Some(place), false);
         self.set_off(now);
         let all = self.seen.list().map_or(0, <[_]>::len);
         let mm = self.flight.tour().map_or(0.0, |t| t.route.length_mm());
@@ -149,6 +149,7 @@ impl FlightController {
             }
         } else if self.seen.next().is_none() {
             self.stop(now);
+            self.seen.reviewed.clear();
             self.seen.list_missed(Then::Review, &self.flight, &self.wake, now);
             self.say("planning the review ...", now);
         }
@@ -167,14 +168,35 @@ impl FlightController {
         match self.seen.stops(&self.flight).1 {
             0 if self.seen.list().is_none_or(<[_]>::is_empty) => "nothing larger than 3 cm² was missed".to_owned(),
             0 => "nothing of what was missed can be looked at".to_owned(),
-            left => format!("nothing to review in this segment; {}", self.left_elsewhere(left)),
+            1 => "1 place is left, in a segment that cannot be flown".to_owned(),
+            left => format!("{left} places are left, in segments that cannot be flown"),
         }
     }
 
-    /// Returns how many places to review are left in other segments, in words.
-    fn left_elsewhere(&self, left: usize) -> String {
-        let (places, lie) = if left == 1 { ("place", "is") } else { ("places", "are") };
-        format!("{left} {places} {lie} in other segments{}", self.actions.hint("next", "flies to the next"))
+    /// Goes on with the review in the next segment that has places to look at and was not reviewed; tells it if there is none.
+    fn review_next_segment(&mut self, now: Instant) {
+        let mut left = self.seen.segments_left(&self.flight);
+        left.extend(self.unsure_segments());
+        // Outside the segments, one body of gas is flown, and all of it was reviewed.
+        let here = self.flight.setup().plan.segment;
+        left.retain(|n| !self.seen.reviewed.contains(n) && here.is_some_and(|here| here != *n));
+        // Onwards from here, then from the first.
+        let Some(next) = left.iter().find(|n| here.is_none_or(|here| **n > here)).or(left.first()).copied() else {
+            let told = if self.seen.reviewed.is_empty() { self.nothing_to_review() } else { "review over".to_owned() };
+            return self.say(told, now);
+        };
+        self.seen.reviewed.insert(next);
+        if self.act(FlightCommand::Segment(next), now) {
+            self.begin_review(now);
+        }
+    }
+
+    /// Goes on once a review has come to its end by itself.
+    fn go_on_with_review(&mut self, now: Instant) {
+        if self.seen.goes_on && self.flight.tour().is_none() {
+            self.seen.goes_on = false;
+            self.review_next_segment(now);
+        }
     }
 
     /// Sets out on a tour past the patches of the list and the candidates that the reader is unsure of.
@@ -184,12 +206,14 @@ impl FlightController {
         }
         let stops = self.review_stops();
         if stops.is_empty() {
-            return self.say(self.nothing_to_review(), now);
+            return self.review_next_segment(now);
         }
         // On the tour, all gas is one.
         let (unsure, elsewhere) = (self.unsure_stops().len(), self.seen.stops(&self.flight).1);
         if self.act(FlightCommand::Review(stops), now) {
             self.seen.goes_to = None;
+            self.seen.goes_on = true;
+            self.seen.reviewed.extend(self.flight.setup().plan.segment);
             self.set_off(now);
             let tour = self.flight.tour();
             let (count, mm) = tour.map_or((0, 0.0), |t| (t.stops.len(), t.route.length_mm()));
@@ -200,7 +224,7 @@ impl FlightController {
             let end = if key.is_empty() { key } else { format!("; {key} ends it") };
             let more = match elsewhere {
                 0 => String::new(),
-                left => format!("; {}", self.left_elsewhere(left)),
+                left => format!(", then {left} in other segments"),
             };
             self.say(format!("review: {count} places{of_them} in {mm:.0} mm, about {minutes:.0} min{end}{more}"), now);
         }
@@ -209,6 +233,7 @@ impl FlightController {
     /// Takes what has come out of the background.
     pub(super) fn take_seen(&mut self, now: Instant) {
         self.wait_at_missed(now);
+        self.go_on_with_review(now);
         let other = self.cleansing.other(&self.flight);
         self.seen.follow(&self.flight, other, &self.wake, now);
         match self.seen.take(&mut self.flight, other, &self.wake, now) {
@@ -228,9 +253,8 @@ impl FlightController {
                 match (then, next) {
                     (Then::Nothing, _) => {}
                     (Then::Next, Some(n)) => self.fly_to_missed(n, now),
-                    (Then::Review, _) if !self.review_stops().is_empty() => self.begin_review(now),
+                    (Then::Review, _) => self.begin_review(now),
                     (Then::Next, _) => self.say("nothing larger than 3 cm² was missed", now),
-                    (Then::Review, _) => self.say(self.nothing_to_review(), now),
                 }
             }
             Ok(Some(News::Prepared(Then::Review))) => self.begin_review(now),
@@ -348,19 +372,49 @@ mod tests {
     }
 
     #[test]
-    fn what_is_left_in_other_segments_is_told() {
+    fn a_review_with_nothing_to_look_at_goes_to_the_segment_that_has() {
         let (mut c, mut now) = watched_in(PhantomSettings { collapsed: true, ..PhantomSettings::embedded(1) });
         assert!(c.flight().setup().lumen.segments.len() > 1);
         let (here, elsewhere) = c.seen().stops(c.flight());
         assert!(!here.is_empty() && elsewhere == 0, "what was not visited is not missed");
         let listed = c.seen().list().unwrap().len();
         assert!(here.len() <= listed && c.seen().count_here(c.flight()) == listed);
+        let first = c.flight().setup().plan.segment;
         perform(&mut c, "next", now);
         assert_eq!((c.seen().stops(c.flight()), c.seen().count_here(c.flight())), ((Vec::new(), here.len()), 0));
+        assert!(c.flight().setup().plan.segment != first && c.seen().segments_left(c.flight()).into_iter().eq(first));
+        // There is nothing to review here: it goes where there is.
         perform(&mut c, "review", now);
-        go_on(&mut c, &mut now, |c| c.seen().next().is_none());
+        go_on(&mut c, &mut now, |c| c.flight().tour().is_some());
+        assert_eq!(
+            (c.seen().reviewed.clone().into_iter().next(), c.flight().tour().unwrap().stops.len()),
+            (first, here.len())
+        );
         let told = c.hud(now).message.unwrap();
-        assert!(told.starts_with("nothing to review in this segment; ") && told.contains("(T flies"), "{told}");
+        assert!(told.starts_with(&format!("review: {} places", here.len())), "{told}");
+    }
+
+    #[test]
+    fn a_review_goes_on_in_the_next_segment_and_ends_once() {
+        let (mut c, mut now) = watched_in(PhantomSettings { collapsed: true, ..PhantomSettings::embedded(1) });
+        let first = c.flight().setup().plan.segment.unwrap();
+        let here = c.seen().stops(c.flight()).0.len();
+        perform(&mut c, "review", now);
+        go_on(&mut c, &mut now, |c| c.flight().tour().is_some());
+        assert!(c.seen.goes_on && here > 0);
+        // The next segment has something, too, once this one is over.
+        let other = usize::from(first == 0);
+        c.seen.reviewed.remove(&other);
+        while c.flight().tour().is_some() {
+            c.flight_mut().step().unwrap();
+        }
+        trace(&mut c, now);
+        now += Duration::from_millis(50);
+        c.advance(now).unwrap();
+        let over = c.hud(now).message.unwrap();
+        assert!(!c.seen.goes_on && over == "review over", "{over}");
+        perform(&mut c, "review", now);
+        assert!(c.seen.reviewed.is_empty(), "the next round is a new one");
     }
 
     #[test]
