@@ -127,7 +127,7 @@ const DIRECTIONS: usize = 64;
 /// half of the directions, which leaves out those along the lumen and those into a near fold. It is 1.2 radii in a tube,
 /// one radius in a ball, 0 inside tissue, and at most 60 mm.
 ///
-/// It hardly changes under small moves of the camera, and so does not brightness.
+/// It hardly changes under small moves of the camera, and brightness with it.
 fn width(volume: &PreparedVolume, camera: DVec3) -> f32 {
     let (sampler, grid) = (Trilinear::new(volume), volume.voxels().grid());
     let origin = grid.voxel(camera).as_vec3() + 1.0;
@@ -279,7 +279,6 @@ mod tests {
             contact.brightness(1.0, 10.0, Vec3::Y, q) / plain.brightness(1.0, 10.0, Vec3::Y, q)
         };
         let all = [30.0, 10.0, 7.0, 5.5, 4.5].map(share);
-        println!("{all:.3?}");
         assert!(all[0] > 0.93, "between folds {all:?}");
         assert!(all.windows(2).all(|w| w[1] < w[0] + 0.01), "{all:?}");
         assert!(all[2] < all[0] - 0.02, "wider than the 3 mm of one sample: {all:?}");

@@ -68,7 +68,11 @@ impl PreparedVolume {
     /// Returns how much matter surrounds a place; `None` for a volume that has no room for cells. The first call makes it, in
     /// one parallel pass over the voxels.
     pub(crate) fn surround(&self) -> Option<&Surround> {
-        self.surround.get_or_init(|| Surround::new(&self.volume, self.transfer)).as_ref()
+        if self.surround.get().is_none() {
+            // Outside the lock: while the pass waits for its threads, this one may take over work that asks for the same.
+            _ = self.surround.set(Surround::new(&self.volume, self.transfer));
+        }
+        self.surround.get().and_then(Option::as_ref)
     }
 
     /// Returns the memory beside the voxels, bytes.

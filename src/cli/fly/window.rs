@@ -77,6 +77,7 @@ const WHOLE: &str = "path";
 const READING_MM_S: f64 = 20.0;
 
 /// A flight through a scan: how it is steered, between which places, and whether the tag is taken out first.
+#[derive(Clone)]
 struct Way {
     scene: Scene,
     request: FlightRequest,
@@ -199,30 +200,33 @@ fn opening(
     let prepare_global = Global { cleanse: false, ..global.clone() };
     let prepare: window::Prepare = Box::new(move |progress| {
         let args = prepare_args;
-        let mut scan =
-            prepare::open_unsaid(args.input.as_deref(), &prepare_global, asked.scene.image.preset, progress)?;
-        let mut notes = told_notes(&mut scan);
-        // The case is that of the scan as it is in its file, whether or not its tag is taken out.
-        let session = window::SessionFile::of(scan.volume().voxels());
-        if resume != Resume::Never {
-            scan.tell(session.told());
+        let open = || {
+            let mut scan =
+                prepare::open_unsaid(args.input.as_deref(), &prepare_global, asked.scene.image.preset, progress)?;
+            let notes = told_notes(&mut scan);
+            // The case is that of the scan as it is in its file, whether or not its tag is taken out.
+            let session = window::SessionFile::of(scan.volume().voxels());
+            if resume != Resume::Never {
+                scan.tell(session.told());
+            }
+            Ok((scan, notes, session))
+        };
+        let (mut scan, mut notes, mut session) = open()?;
+        let was_whole = session.was_whole();
+        if let Some(way) = whole.filter(|_| is_whole || was_whole || window::opens_whole()) {
+            let (args, timings) = (args.clone(), Arc::clone(&kept));
+            let departure = Departure { scan, session, args, way, commands: None, notes, timings };
+            match departure.depart(progress) {
+                Ok(ready) if ready.unflown.is_none() => {
+                    return Ok(ready.whole(was_whole));
+                }
+                Err(e) if e.kind != Kind::Incomplete || progress.is_cancelled() => return Err(e),
+                Ok(_) | Err(_) => say("the whole colon cannot be read in one flight"),
+            }
+            (scan, notes, session) = open()?;
+            notes.push("The whole colon cannot be read in one flight: its segments are flown one by one.".to_owned());
         }
-        let whole = whole.filter(|_| is_whole || window::opens_whole() || session.was_whole());
-        let Way { scene, request, cleanse, mm_s } = whole.unwrap_or(asked);
-        if cleanse {
-            let taken = scan.cleanse()?.to_string();
-            say(&taken);
-            notes.push(taken);
-        }
-        let mut ready =
-            Departure { scan, scene, session, args, commands, notes, timings: kept }.depart(request, progress)?;
-        if let Some(mm_s) = mm_s {
-            let cruise = ready.flight.setup().scene.cruise_mm_s();
-            // To nine digits, as the operator's input is recorded.
-            let speed = (mm_s / cruise.max(1e-3) * 1e9).round() / 1e9;
-            ready.flight.act(HandCommand::Speed(speed.min(1.0)))?;
-        }
-        Ok(ready)
+        Departure { scan, session, args, way: asked, commands, notes, timings: kept }.depart(progress)
     });
     let (finish_args, finish_timings) = (args.clone(), Arc::clone(timings));
     let covering = covering(args, global)?;
@@ -261,9 +265,9 @@ fn told_notes(scan: &mut Scan) -> Vec<String> {
 #[derive(Clone)]
 struct Departure {
     scan: Scan,
-    scene: Scene,
     session: window::SessionFile,
     args: FlyArgs,
+    way: Way,
     /// Input to be replayed.
     commands: Option<Vec<TimedCommand>>,
     /// Notes about the scan.
@@ -277,8 +281,9 @@ impl Departure {
     ///
     /// # Errors
     /// Returns the error of the flight if it repeats another, or if its length was given: nobody looks at those.
-    fn depart(mut self, request: FlightRequest, progress: &Arc<Progress>) -> Result<window::Ready> {
-        let mut made = self.fly(&request);
+    fn depart(mut self, progress: &Arc<Progress>) -> Result<window::Ready> {
+        let told = self.scan.told().to_vec();
+        let mut made = self.fly();
         if let Err(e) = &made
             && !self.scan.told().is_empty()
             && e.kind == Kind::Incomplete
@@ -286,17 +291,25 @@ impl Departure {
         {
             say(&format!("the kinds that you gave to gas do not count, because there is no flight with them: {e}"));
             self.scan.tell(Vec::new());
-            made = self.fly(&request);
+            made = self.fly();
         }
         *self.timings.lock().unwrap_or_else(PoisonError::into_inner) = self.scan.timings().clone();
         let mut flight = match made {
             Ok(flight) => flight,
             Err(why) if why.kind == Kind::Incomplete && self.is_read() && !progress.is_cancelled() => {
+                // They are those of the case, and stay in its file.
+                self.scan.tell(told);
                 return self.look(why);
             }
             Err(e) => return Err(e),
         };
         flight.setup().scene.image.settings.light.prepare(&flight.setup().volume);
+        if let Some(mm_s) = self.way.mm_s {
+            let cruise = flight.setup().scene.cruise_mm_s();
+            // To nine digits, as the operator's input is recorded.
+            let speed = (mm_s / cruise.max(1e-3) * 1e9).round() / 1e9;
+            flight.act(HandCommand::Speed(speed.min(1.0)))?;
+        }
         if let Some(commands) = self.commands {
             flight.commands.replay(commands);
         }
@@ -306,9 +319,16 @@ impl Departure {
         Ok(self.session.ready(flight, self.notes))
     }
 
-    fn fly(&mut self, request: &FlightRequest) -> Result<FlightApp> {
-        let scene = self.scene.clone();
-        let made = self.scan.cleanse_for(&scene).and_then(|()| self.scan.flight(scene, request));
+    fn fly(&mut self) -> Result<FlightApp> {
+        let Way { scene, request, cleanse, .. } = self.way.clone();
+        if cleanse {
+            let taken = self.scan.cleanse()?.to_string();
+            if !self.notes.contains(&taken) {
+                say(&taken);
+                self.notes.push(taken);
+            }
+        }
+        let made = self.scan.cleanse_for(&scene).and_then(|()| self.scan.flight(scene, &request));
         self.notes.extend(told_notes(&mut self.scan));
         made
     }
@@ -320,14 +340,17 @@ impl Departure {
 
     /// Shows the scan without a flight. One may begin elsewhere.
     fn look(mut self, why: Error) -> Result<window::Ready> {
-        let at_rest = self.scan.at_rest(self.scene.clone())?;
+        let at_rest = self.scan.at_rest(self.way.scene.clone())?;
         self.notes.extend(told_notes(&mut self.scan));
         let (session, notes, anew) = (self.session.clone(), self.notes.clone(), self);
         let start_at = Box::new(move |place| {
             let mut anew = anew.clone();
             let prepare: window::Prepare = Box::new(move |progress: &Arc<Progress>| {
                 anew.scan.report_to(progress);
-                anew.depart(FlightRequest { from: Some(Place::World(place)), ..FlightRequest::default() }, progress)
+                // Kinds may have been told meanwhile.
+                anew.scan.tell(anew.session.told());
+                anew.way.request = FlightRequest { from: Some(Place::World(place)), ..FlightRequest::default() };
+                anew.depart(progress)
             });
             prepare
         });

@@ -72,6 +72,11 @@ impl Cleansing {
         Self { stage: Stage::Waiting, is_wanted: true, took: None, pool: None }
     }
 
+    /// Leaves the work out, for a reason that tells why there is one scan only.
+    pub(crate) fn leave_out(&mut self, why: &'static str) {
+        self.stage = Stage::One(why);
+    }
+
     /// Starts the work unless it has been started. `wake` is called from another thread when it is done.
     ///
     /// # Errors

@@ -471,7 +471,7 @@ impl FlightController {
     }
 
     /// Reports why an action is not possible. Returns false if it is.
-    fn refuse(&mut self, action: &Action, now: Instant) -> bool {
+    pub(crate) fn refuse(&mut self, action: &Action, now: Instant) -> bool {
         let Some(why) = action.why_not(self) else { return false };
         self.say(format!("{}: not while {why}", action.text), now);
         true

@@ -53,6 +53,8 @@ pub(crate) struct Keeping {
     session: Option<PathBuf>,
     files: ScanFiles,
     hold: Hold,
+    /// True if the flight reads the whole colon.
+    is_whole: bool,
 }
 
 impl Keeping {
@@ -62,7 +64,12 @@ impl Keeping {
         let session = session.filter(|_| resume != Resume::Never);
         let hold = hold(&files, now);
         // Without a guide there is no position from which another flight could continue.
-        Self { session: session.filter(|_| is_guided), files, hold }
+        Self { session: session.filter(|_| is_guided), files, hold, is_whole: false }
+    }
+
+    /// Sets whether the flight reads the whole colon: the scan then opens with such a flight the next time, too.
+    pub(crate) fn reads_whole(&mut self, is_whole: bool) {
+        self.is_whole = is_whole;
     }
 
     /// Lets a flight that has just begun go on where the last one was left. Returns the position along the path, mm, if it does.
@@ -138,12 +145,12 @@ impl Keeping {
     }
 
     /// Keeps where the flight is and what was looked at, when the scan is closed.
-    pub(crate) fn close(self, flight: &FlightApp) {
+    pub(crate) fn close(&self, flight: &FlightApp) {
         if !self.is_ours() {
             return;
         }
         if let Some(path) = &self.session
-            && let Err(e) = Session::keep(Session::of(flight).as_ref(), path)
+            && let Err(e) = Session::keep(Session::of(flight, self.is_whole).as_ref(), path)
         {
             output::to_stderr(format_args!("note: the position of this flight was not saved: {e}"));
         }
@@ -197,7 +204,7 @@ mod tests {
             looked: file("seen"),
             lock: file("locks"),
         };
-        Keeping { hold: hold(&files, now), session: file("sessions"), files }
+        Keeping { hold: hold(&files, now), session: file("sessions"), files, is_whole: false }
     }
 
     /// A window that shows a flight with what was kept.

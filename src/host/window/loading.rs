@@ -25,6 +25,17 @@ pub(crate) struct Ready {
     pub notes: Vec<String>,
     /// Set if the scan cannot be flown: the flight then rests, and its slices are looked at.
     pub unflown: Option<Unflown>,
+    /// True if it reads the whole colon.
+    pub is_whole: bool,
+    /// True if it begins anew, wherever another flight was left.
+    pub is_anew: bool,
+}
+
+impl Ready {
+    /// Says that the flight reads the whole colon. It goes on where it was left if that flight did so, too, and else begins anew.
+    pub(crate) fn whole(self, was_whole: bool) -> Self {
+        Self { is_whole: true, is_anew: !was_whole, ..self }
+    }
 }
 
 #[cfg(test)]
@@ -74,7 +85,7 @@ impl SessionFile {
 
     /// Combines the session file with the scan's flight.
     pub(crate) fn ready(self, flight: FlightApp, notes: Vec<String>) -> Ready {
-        Ready { flight, session: self.0, notes, unflown: None }
+        Ready { flight, session: self.0, notes, unflown: None, is_whole: false, is_anew: false }
     }
 
     /// Combines the session file with the scan's slices, because there is no flight.

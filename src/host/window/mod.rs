@@ -186,7 +186,7 @@ pub(crate) struct Shown {
 }
 
 /// What a reader asks to be opened.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Asked {
     /// Path of the scan; `None` for the embedded phantom.
     pub input: Option<PathBuf>,

@@ -138,7 +138,9 @@ fn labels(context: &Context<'_>, views: &Views) -> [String; 2] {
     let setup = context.flight.setup();
     let position = setup.lumen.lying.map(|l| l.position.name().to_owned());
     let place = Some(context.hud.place.clone()).filter(|p| !p.is_empty() && context.controller.unflown().is_none());
-    let what = [Some(context.scan_name().into_owned()), position, place];
+    // The name of a file may be that of a patient, and a picture leaves the program.
+    let series = context.series().map(|n| format!("series {n}"));
+    let what = [series, position, place];
     let mut how = Vec::new();
     if let Some(picture) = context.flight.camera::<Picture>().filter(|_| views.flight.is_some()) {
         let ahead = &context.hud.directions.ahead;
@@ -198,7 +200,7 @@ mod tests {
         };
         let both = Views { flight: Some(flight), slices: vec![(Orientation::Axial, axial)] };
         let (photo, [what, how]) = taken(&mut c, &both);
-        assert!(what.starts_with("case.nii, series 2") && how.starts_with("view 90°"), "{what} {how}");
+        assert!(what.starts_with("series 2") && !what.contains("case") && how.starts_with("view 90°"), "{what} {how}");
         assert!(how.contains("axial 0.1") && how.contains("mm per pixel"), "{how}");
         let photo = photo.unwrap();
         assert_eq!(photo.flight(), Some(ImageSize::new(400, 540)));

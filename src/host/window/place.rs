@@ -213,7 +213,7 @@ fn unread(length_mm: f64, read: &[[f64; 2]], guessed: &[[f64; 2]], parts: &[Part
     (!told.is_empty()).then(|| told.join("; "))
 }
 
-/// Names a segment by its place among all of them, "2nd of 3 segments": files number them from 0.
+/// Names a segment by its place among all of them, "2nd of 3 segments", since files number them from 0; "only segment".
 pub(super) fn which_segment(index: usize, count: usize) -> String {
     let n = index + 1;
     let ending = match (n % 10, n % 100) {
@@ -222,7 +222,7 @@ pub(super) fn which_segment(index: usize, count: usize) -> String {
         (3, r) if r != 13 => "rd",
         _ => "th",
     };
-    format!("{n}{ending} of {count} segments")
+    if count == 1 { "only segment".to_owned() } else { format!("{n}{ending} of {count} segments") }
 }
 
 /// Adds a stretch to those that are apart and in order.

@@ -26,7 +26,10 @@ impl Printed {
     /// Asks the window system. Another answer than the last one replaces what was learnt; a second layout that a key switches to is
     /// not told, and has to be learnt.
     pub(crate) fn ask(&mut self, window: &Window) {
-        self.tell(x11::printed(window).unwrap_or_default());
+        // Without an answer, what is known stays.
+        if let Some(told) = x11::printed(window) {
+            self.tell(told);
+        }
     }
 
     fn tell(&mut self, told: Vec<(KeyCode, Printing)>) {

@@ -49,7 +49,7 @@ pub(crate) struct Session {
     /// True if it was paused.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     paused: bool,
-    /// True if it was a flight along the centerline of a scan without its tag, which reads the whole colon.
+    /// True if it was a flight through the whole colon, its tag taken out.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     whole: bool,
 }
@@ -64,7 +64,9 @@ impl folders::Kept for Session {
 
 impl Session {
     /// Captures the state of an unfinished flight. A flight that has arrived, or that flies outside the colon, is not resumed.
-    pub(crate) fn of(flight: &FlightApp) -> Option<Self> {
+    ///
+    /// `whole` is true if it reads the whole colon.
+    pub(crate) fn of(flight: &FlightApp, whole: bool) -> Option<Self> {
         let (share, length_mm) = flight.survey().progress();
         let segment = flight.setup().plan.segment?;
         if flight.flight().state == State::Arrived {
@@ -82,7 +84,7 @@ impl Session {
             speed: flight.camera::<Hand>().map_or(1.0, |h| h.speed),
             along_mm: share * length_mm,
             paused: flight.camera::<Hand>().is_some_and(|h| h.paused),
-            whole: flight.setup().cleansed.is_some() && flight.setup().scene.guide_name() == "path",
+            whole,
         })
     }
 
@@ -302,19 +304,19 @@ mod tests {
     #[test]
     fn an_unfinished_flight_is_kept_with_its_place_on_the_path() {
         let mut flight = crate::host::window::controller::tests::flight("tentacles");
-        assert_eq!(Session::of(&flight), None, "outside the colon's segments");
+        assert_eq!(Session::of(&flight, false), None, "outside the colon's segments");
         flight.act(FlightCommand::Segment(0)).unwrap();
         let length_mm = flight.setup().plan.length_mm;
         assert!(length_mm > 30.0, "{length_mm}");
         flight.stands_at(0.25 * length_mm);
-        let kept = Session::of(&flight).unwrap();
+        let kept = Session::of(&flight, false).unwrap();
         assert!((kept.along_mm - 0.25 * length_mm).abs() < 1e-9, "{} of {length_mm} mm", kept.along_mm);
         assert_eq!((kept.position, kept.segment), (flight.pose().position.to_array(), 0));
         assert_eq!((kept.guide.as_str(), kept.speed, kept.reversed), ("tentacles", 1.0, false));
         // It stands there in another flight, too.
         let mut other = crate::host::window::controller::tests::flight("tentacles");
         kept.resume(&mut other, Resume::Everything).unwrap();
-        let again = Session::of(&other).unwrap();
+        let again = Session::of(&other, false).unwrap();
         assert_eq!((again.position, again.segment, again.along_mm), (kept.position, kept.segment, kept.along_mm));
     }
 
@@ -354,8 +356,8 @@ mod tests {
     fn a_flight_that_has_arrived_is_not_kept() {
         let mut flight = crate::host::window::controller::tests::flight("tentacles");
         flight.act(FlightCommand::Segment(0)).unwrap();
-        assert!(Session::of(&flight).is_some());
+        assert!(Session::of(&flight, false).is_some());
         flight.camera_mut::<Flight>().unwrap().state = State::Arrived;
-        assert_eq!(Session::of(&flight), None);
+        assert_eq!(Session::of(&flight, false), None);
     }
 }

@@ -3,6 +3,7 @@
 use egui::style::ScrollStyle;
 use egui::{Align, Key, Modal, RichText, ScrollArea, TextEdit, Ui, vec2};
 
+use super::Asked;
 use super::actions::Group;
 use super::overlay::{SOFT, Severity};
 use super::panels::{Context, Requests};
@@ -26,6 +27,11 @@ pub(crate) enum Sheet {
     },
     /// What one sees, and the keys to begin with, the first time that a window is open.
     Welcome,
+    /// Asks before another scan is opened, since what was made is lost with this one.
+    Open {
+        /// What is to be opened.
+        asked: Asked,
+    },
     /// Asks before the program is quit, since something is unfinished.
     Quit {
         /// What is.
@@ -34,12 +40,14 @@ pub(crate) enum Sheet {
 }
 
 /// What becomes of a sheet.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Answer {
     /// It stays.
     Stay,
     /// It is closed.
     Close,
+    /// Another scan is opened.
+    Open(Asked),
     /// The program is quit.
     Quit,
 }
@@ -55,6 +63,7 @@ impl Sheet {
         match self {
             Self::Keys { search, is_open } => keys(context, ui, requests, search, is_open),
             Self::Welcome => welcome(context, ui),
+            Self::Open { asked } => open(ui, asked),
             Self::Quit { why } => quit(ui, why),
         }
     }
@@ -188,6 +197,25 @@ fn welcome(context: &Context<'_>, ui: &Ui) -> Answer {
         if ui.button("Begin").clicked() || enter {
             answer = Answer::Close;
         }
+    });
+    if modal.should_close() { Answer::Close } else { answer }
+}
+
+fn open(ui: &Ui, asked: &Asked) -> Answer {
+    let mut answer = Answer::Stay;
+    let modal = Modal::new(egui::Id::new("open")).show(ui.ctx(), |ui| {
+        ui.set_width(320.0);
+        ui.heading("Open it?");
+        ui.label("What you made here is not kept, because another window keeps this case.");
+        ui.add_space(8.0);
+        ui.horizontal(|ui| {
+            if ui.button("Go on here").clicked() {
+                answer = Answer::Close;
+            }
+            if ui.button("Open").clicked() || ui.input(|i| i.key_pressed(Key::Enter)) {
+                answer = Answer::Open(asked.clone());
+            }
+        });
     });
     if modal.should_close() { Answer::Close } else { answer }
 }

@@ -125,6 +125,8 @@ pub(crate) struct Shell {
     resume: Resume,
     /// What is kept of the open scan.
     keeping: Option<Keeping>,
+    /// That of the scan that was closed last, until the next one is open: it may be the same.
+    left: Option<Keeping>,
     finish: Option<Finish>,
     /// The scan that is open or being opened; `None` for the embedded phantom.
     opening: Option<PathBuf>,
@@ -219,6 +221,7 @@ impl Shell {
             file_list: FileList::default(),
             proxy,
             keeping: None,
+            left: None,
             finish: Some(first.finish),
             progress,
             saveable,
@@ -269,6 +272,7 @@ impl Shell {
     /// # Errors
     /// Returns the first error.
     pub(crate) fn end_without_display(mut self) -> Result<()> {
+        self.return_to_layout();
         if let Err(e) = self.workspace.keep() {
             output::to_stderr(format_args!("note: the layout was not saved: {e}"));
         }
@@ -287,13 +291,13 @@ impl Shell {
             Stage::Flying(mut controller) => {
                 controller.save_the_rest();
                 self.framebuffer = controller.flight_mut().views().take_presenter();
+                self.left = self.keeping.take();
                 if self.unflown.take().is_some() {
-                    self.keeping = None;
                     return Ok(());
                 }
                 let flight = controller.flight();
                 let logged = self.log.take().map_or(Ok(()), |l| l.finish(flight.flight().state));
-                if let Some(keeping) = self.keeping.take() {
+                if let Some(keeping) = &self.left {
                     keeping.close(flight);
                 }
                 let shown = Shown {
@@ -359,7 +363,7 @@ impl Shell {
         // The wake-up may come from an earlier loading that was cancelled for this one.
         let Some(loaded) = loading.take() else { return Ok(()) };
         self.stage = Stage::Over;
-        let Ready { mut flight, session, mut notes, unflown } = match loaded {
+        let Ready { mut flight, session, mut notes, unflown, is_whole, is_anew } = match loaded {
             Ok(ready) => ready,
             Err(e) if self.progress.is_cancelled() => return Err(e),
             Err(e) => {
@@ -371,7 +375,13 @@ impl Shell {
             self.log = self.log_path.as_deref().map(Log::create).transpose()?;
         }
         let is_guided = flight.setup().scene.guide().is_some();
+        // It was held while the same scan was opened in another way.
+        self.left = None;
+        if is_anew && self.resume == Resume::Everything {
+            self.resume = Resume::Nothing;
+        }
         let mut keeping = Keeping::of(session, self.resume, is_guided, Instant::now());
+        keeping.reads_whole(is_whole);
         let along = keeping.resume(&mut flight, self.resume);
         notes.extend(keeping.warning());
         if let Some(framebuffer) = self.framebuffer.take() {
@@ -434,11 +444,11 @@ impl Shell {
             }
             return;
         }
-        let actions = Rc::clone(&self.actions);
         let stroke = Stroke::of(event, self.modifiers, self.controls());
         if pressed && self.printed.learn(&stroke) {
             self.name_keys();
         }
+        let actions = Rc::clone(&self.actions);
         let Some(chord) = stroke.chord(|c| actions.of_key(c).is_some()) else { return };
         // A released key is always let go, whatever modifiers are held.
         let action = actions.of_key(&chord).or_else(|| actions.of_key(&chord.plain()).filter(|_| !pressed));
@@ -575,6 +585,7 @@ impl Shell {
         match answer {
             sheet::Answer::Stay => {}
             sheet::Answer::Close => self.close_sheet(),
+            sheet::Answer::Open(asked) => self.open_asked(asked, events),
             sheet::Answer::Quit => self.quit(events),
         }
         self.follow(chosen.into_iter().chain(requests.take()), now, events);
@@ -639,6 +650,12 @@ impl Shell {
     /// Performs an action once.
     fn run(&mut self, action: &Action, now: Instant, events: &ActiveEventLoop) {
         let moment = self.moment(now);
+        if let (Effect::Window(_), Stage::Flying(c)) = (action.effect, &mut self.stage)
+            && c.refuse(action, now)
+        {
+            self.touched = true;
+            return;
+        }
         match (action.effect, &mut self.stage) {
             (Effect::Window(request), _) => self.run_window(request, events),
             (Effect::Once(_) | Effect::HandTo(_) | Effect::Overlay(_), Stage::Flying(c)) => {
@@ -718,8 +735,10 @@ impl Shell {
             WindowRequest::Fullscreen => self.switch_fullscreen(),
             WindowRequest::Open => self.workspace.switch_named("open"),
             WindowRequest::Whole => {
-                let asked = Asked { input: self.opening.clone(), series: self.series, is_flying: true, is_whole: true };
-                self.open_asked(asked, events);
+                if matches!(self.stage, Stage::Flying(_)) && self.unflown.is_none() {
+                    let (input, series) = (self.opening.clone(), self.series);
+                    self.open_asked(Asked { input, series, is_flying: true, is_whole: true }, events);
+                }
             }
             WindowRequest::Kinds => {
                 if let Stage::Flying(c) = &mut self.stage {
@@ -892,6 +911,8 @@ impl ApplicationHandler<Wake> for Shell {
             Wake::Interrupted => {
                 self.progress.cancel();
                 match self.stage {
+                    // The reason why it cannot be flown takes precedence.
+                    Stage::Flying(_) if self.unflown.is_some() => events.exit(),
                     Stage::Flying(_) => self.fail(Error::cancelled("flight"), events),
                     Stage::Loading(_) => self.fail(Error::cancelled("loading"), events),
                     // The reason why it could not be opened takes precedence.
@@ -909,7 +930,7 @@ impl ApplicationHandler<Wake> for Shell {
             self.touched |= input.on_window_event(window, &event).repaint;
         }
         match event {
-            WindowEvent::CloseRequested => self.quit(events),
+            WindowEvent::CloseRequested => self.run_window(WindowRequest::Quit, events),
             WindowEvent::RedrawRequested => {
                 // If the system requests a redraw, the window was covered and has lost its picture.
                 let anew = !std::mem::take(&mut self.asked);

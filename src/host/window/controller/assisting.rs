@@ -59,7 +59,7 @@ impl FlightController {
     }
 
     /// True if something was made that is not kept.
-    pub(super) fn has_unkept(&self) -> bool {
+    pub(crate) fn has_unkept(&self) -> bool {
         let answers = self.assistant.as_ref().map_or(0, |a| a.reading().changes_made());
         !self.keeps && self.measures.changes_made() + self.kinds.changes_made() + answers > 0
     }

@@ -14,6 +14,7 @@ impl FlightController {
     pub(crate) fn rest(&mut self, why: String, now: Instant) {
         self.act(HandCommand::Pause(true), now);
         self.message = None;
+        self.cleansing.leave_out("there is no flight");
         self.unflown = Some(why);
     }
 

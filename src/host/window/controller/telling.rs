@@ -92,6 +92,9 @@ impl FlightController {
                 let all = if segments == 1 { "1 segment".to_owned() } else { format!("{segments} segments") };
                 let here = which_segment(self.flight.setup().plan.segment.unwrap_or(0), segments);
                 match onward {
+                    Onward::Same(_) if self.unflown.is_some() => {
+                        format!("the lumen has {all} now: double-click into it to start there")
+                    }
                     Onward::Same(_) if arrived => {
                         format!("the lumen has {all} now{}", self.actions.hint("next", "flies to the next"))
                     }

@@ -128,6 +128,11 @@ impl<'a> Context<'a> {
         Self { is_headed, ..self }
     }
 
+    /// Returns the number of the series that was asked for.
+    pub(super) fn series(&self) -> Option<usize> {
+        self.opened.and_then(|o| o.1)
+    }
+
     /// Adds the open scan, and the number of the series that was asked for.
     pub(super) fn of_scan(self, path: Option<&'a Path>, series: Option<usize>) -> Self {
         Self { opened: path.map(|path| (path, series)), ..self }

@@ -8,7 +8,9 @@ use winit::event_loop::ActiveEventLoop;
 
 use super::{Shell, Stage, load};
 use crate::host::window::Asked;
+use crate::host::window::photograph::Views;
 use crate::host::window::present_timer::PresentTimer;
+use crate::host::window::sheet::Sheet;
 use crate::output;
 use crate::progress::Progress;
 
@@ -29,6 +31,21 @@ impl Shell {
 
     /// Opens a scan instead of the open one.
     pub(super) fn open_asked(&mut self, asked: Asked, events: &ActiveEventLoop) {
+        if let Stage::Flying(c) = &mut self.stage {
+            // The open scan goes on if its file has gone.
+            if asked.is_whole
+                && let Some(path) = asked.input.as_ref().filter(|path| !path.exists())
+            {
+                c.say(format!("{} is not there any more", path.display()), Instant::now());
+                self.touched = true;
+                return;
+            }
+            if c.has_unkept() && !matches!(self.sheet, Some(Sheet::Open { .. })) {
+                self.sheet = Some(Sheet::Open { asked });
+                self.touched = true;
+                return;
+            }
+        }
         let opening = match (self.open)(asked) {
             Ok(opening) => opening,
             Err(e) => {
@@ -66,6 +83,7 @@ impl Shell {
         (self.keeping, self.laid_out, self.painted) = (None, None, None);
         (self.flight_at, self.presented) = ([0; 4], PresentTimer::default());
         self.slices_at.clear();
+        self.views = Views::default();
         // It was about the scan that was open.
         self.sheet = None;
         if let Some(framebuffer) = &mut self.framebuffer {

@@ -50,6 +50,7 @@ impl Shell {
         if let Stage::Flying(mut controller) = std::mem::replace(&mut self.stage, Stage::Over) {
             self.framebuffer = controller.flight_mut().views().take_presenter();
         }
+        self.left = self.keeping.take();
         self.progress = Arc::new(Progress::new());
         match load(prepare, &self.progress, &self.proxy) {
             Ok(loading) => self.stage = Stage::Loading(loading),
