@@ -1,9 +1,9 @@
 //! Names of the colon's parts along its way from rectum to cecum.
 //!
 //! The two flexures are the highest places on the left and on the right; around each, the part is called a flexure as long as the
-//! way bends. The descending colon begins where the way turns upwards in the left flank, or rises above the pelvis there if that comes
-//! first, and the rectum ends where the way leaves the hollow of the sacrum. Each junction has an uncertainty: half the distance between where a strict and a lenient threshold put
-//! it, and no less than the coarse map's.
+//! way bends. The descending colon begins where the way turns upwards in the left flank, or rises above the pelvis there if that
+//! comes first, and the rectum ends where the way leaves the hollow of the sacrum. Each junction has an uncertainty: half the
+//! distance between where a strict and a lenient threshold put it, and no less than the coarse map's.
 
 use std::ops::Range;
 

@@ -28,9 +28,9 @@ impl FlightController {
         let points = match request {
             SliceInput::Click(place) if self.measures.is_on() => return self.measure(place, now),
             SliceInput::Click(place) if self.measures_lesions() => return self.measure_lesion(place, now),
-            // A drag that began at a place that was measured.
             SliceInput::SetOut(place) if self.measures.is_on() => return self.measure(place, now),
             SliceInput::SetOut(place) if self.measures_lesions() => return self.measure_lesion(place, now),
+            // A drag that began at a place that was measured.
             SliceInput::Point(_) if self.measures.is_on() || self.measures_lesions() => return,
             SliceInput::Click(place)
             | SliceInput::Point(place)
