@@ -730,7 +730,11 @@ impl Shell {
             WindowRequest::Cancel => self.cancel(events),
             WindowRequest::Help => match &self.sheet {
                 Some(Sheet::Keys { .. }) => self.close_sheet(),
-                _ => self.sheet = Some(Sheet::keys()),
+                _ => {
+                    // The layout may have been changed.
+                    self.name_keys();
+                    self.sheet = Some(Sheet::keys());
+                }
             },
             WindowRequest::Fullscreen => self.switch_fullscreen(),
             WindowRequest::Open => self.workspace.switch_named("open"),
