@@ -21,26 +21,36 @@ pub struct StillView {
 
 /// Views that count as seen, in the order in which they were shown. A window adds them; they have no effect on the flight.
 #[derive(Component, Clone, Debug, Default)]
-pub struct StillViews(Vec<StillView>);
+pub struct StillViews {
+    views: Vec<StillView>,
+    earlier: usize,
+}
 
 impl StillViews {
     /// Adds a view, unless there are too many.
     pub fn add(&mut self, view: StillView) {
-        if self.0.len() < MOST && view.position.is_finite() {
-            self.0.push(view);
+        if self.views.len() < MOST && view.position.is_finite() {
+            self.views.push(view);
         }
     }
 
     /// Returns all views.
     pub fn views(&self) -> &[StillView] {
-        &self.0
+        &self.views
+    }
+
+    /// Returns those of an earlier sitting, which come first.
+    pub fn earlier(&self) -> &[StillView] {
+        &self.views[..self.earlier]
     }
 }
 
+/// The views of an earlier sitting.
 impl FromIterator<StillView> for StillViews {
     fn from_iter<T: IntoIterator<Item = StillView>>(views: T) -> Self {
         let mut all = Self::default();
         views.into_iter().for_each(|v| all.add(v));
+        all.earlier = all.views.len();
         all
     }
 }

@@ -71,7 +71,7 @@ pub struct LiveCoverage {
     stretches: Vec<u32>,
     /// The first stretch of each segment.
     first_stretch: Vec<u32>,
-    /// The odometer's reading when the camera first came near each stretch, mm; infinite until then.
+    /// [`flown_mm`](Self::flown_mm) when the camera first came near each stretch; infinite until then.
     near_mm: Vec<f32>,
     /// True once the flight is over: what was not seen until then is missed.
     is_over: bool,
@@ -81,8 +81,10 @@ pub struct LiveCoverage {
     shares: Vec<Share>,
     /// Number of views taken.
     taken: usize,
-    /// Length of the line through the views, mm.
+    /// Length of the line through all views, mm.
     odometer_mm: f32,
+    /// The same of the trail, and of the views that were taken before it.
+    flown_mm: f32,
     /// Number of views beside the trail that were taken.
     pub(super) looked: usize,
     /// Where the last view was, world mm.
@@ -170,6 +172,7 @@ impl LiveCoverage {
             shares,
             taken: 0,
             odometer_mm: 0.0,
+            flown_mm: 0.0,
             looked: 0,
             last: None,
             rested_s: 0.0,
@@ -225,7 +228,9 @@ impl LiveCoverage {
             return;
         }
         for n in self.taken.max(1)..end {
-            self.moved(views[n].0.distance(views[n - 1].0));
+            let mm = views[n].0.distance(views[n - 1].0);
+            self.moved(mm);
+            self.flew(mm);
         }
         self.taken = end;
         self.begin(&views[end - 1], seconds);
@@ -235,6 +240,36 @@ impl LiveCoverage {
     pub(super) fn moved(&mut self, mm: f64) {
         let mm = mm as f32;
         self.odometer_mm += if mm.is_finite() { mm } else { 0.0 };
+    }
+
+    /// Counts a way of the flight, mm.
+    pub(super) fn flew(&mut self, mm: f64) {
+        let mm = mm as f32;
+        self.flown_mm += if mm.is_finite() { mm } else { 0.0 };
+    }
+
+    /// True once a view of the trail was taken.
+    pub(super) fn has_flown(&self) -> bool {
+        self.taken > 0
+    }
+
+    /// Returns the same wall with nothing seen of it.
+    #[must_use]
+    pub fn afresh(&self) -> Self {
+        let mut anew = self.clone();
+        anew.seen_s.fill(f32::INFINITY);
+        anew.due_mm.fill(0.0);
+        anew.block_due_mm.fill(0.0);
+        anew.near_mm.fill(f32::INFINITY);
+        for (b, left) in anew.left.iter_mut().enumerate() {
+            *left = self.wall.patches_of(b).len() as u32;
+        }
+        for share in &mut anew.shares {
+            *share = Share { mm2: share.mm2, ..Share::default() };
+        }
+        (anew.taken, anew.looked, anew.odometer_mm, anew.flown_mm) = (0, 0, 0.0, 0.0);
+        (anew.last, anew.now) = (None, None);
+        anew
     }
 
     /// Begins with a view.
@@ -264,7 +299,7 @@ impl LiveCoverage {
         let near = stretch(mm - NEAR_MM)..(stretch(mm + NEAR_MM) + 1).min(end);
         for n in near {
             let reading = &mut self.near_mm[n as usize];
-            *reading = reading.min(self.odometer_mm);
+            *reading = reading.min(self.flown_mm);
         }
     }
 
@@ -430,7 +465,7 @@ impl LiveCoverage {
 
     /// True if the flight has gone on so far since it came near a block that what it has not seen of it is missed.
     fn is_passed(&self, block: usize) -> bool {
-        self.is_over || self.odometer_mm - self.near_mm[self.stretches[block] as usize] > PASSED_MM
+        self.is_over || self.flown_mm - self.near_mm[self.stretches[block] as usize] > PASSED_MM
     }
 
     /// Returns how much a patch of a block is painted over a picture at a time of the flight, s: 1 once the flight has passed it and has

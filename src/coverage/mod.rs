@@ -23,6 +23,7 @@ pub use live::LiveCoverage;
 pub use missed::{LookFrom, Missed, Scans};
 pub use paint::{CoveragePaint, paint_slice};
 pub use sight::{Coverage, FLATTEST_DEGREES, REACH_MM, Sight};
+pub use still::VIEWS_AT_ONCE;
 pub use wall::Wall;
 
 #[cfg(test)]

@@ -113,6 +113,23 @@ impl Volume {
         Self { grid: part, ..self }
     }
 
+    /// Returns a copy of a box: `dims` voxels from `first` on.
+    ///
+    /// # Panics
+    /// Panics if the box is empty or reaches beyond the grid.
+    #[must_use]
+    pub fn part(&self, first: [usize; 3], dims: [usize; 3]) -> Self {
+        let grid = self.grid.part(first, dims);
+        let mut data = Vec::with_capacity(grid.len());
+        for k in first[2]..first[2] + dims[2] {
+            for j in first[1]..first[1] + dims[1] {
+                let from = self.grid.index(first[0], j, k);
+                data.extend_from_slice(&self.data[from..from + dims[0]]);
+            }
+        }
+        Self { grid, data, ..*self }
+    }
+
     /// Returns the size of the values in memory, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(self.data.as_slice())
@@ -143,6 +160,7 @@ mod tests {
         let whole = Volume::new(grid.clone(), (0..grid.len() as i16).collect());
         for (first, dims) in [([0; 3], [7, 6, 5]), ([1, 2, 3], [4, 3, 2]), ([6, 5, 4], [1, 1, 1])] {
             let part = whole.clone().into_part(first, dims);
+            assert_eq!(whole.part(first, dims), part);
             assert_eq!((part.grid().dims(), part.data().len()), (dims, dims.iter().product()));
             for n in 0..part.data().len() {
                 let v =

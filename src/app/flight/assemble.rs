@@ -16,7 +16,7 @@ use crate::components::play::Playback;
 use crate::components::scan::{Centerline, Scan, TargetDistances, WallDistances, Walls};
 use crate::components::still::StillViews;
 use crate::components::trail::Trail;
-use crate::coverage::{CoveragePaint, LiveCoverage};
+use crate::coverage::{CoveragePaint, LiveCoverage, VIEWS_AT_ONCE};
 use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
 use crate::fields::ClearanceFinder;
@@ -79,8 +79,11 @@ impl FlightApp {
             let views = self.camera::<Trail>().map_or(&[][..], Trail::views);
             // Before the flight's first step there is no clock, and no view.
             let seconds = self.app.world.get_resource::<Clock>().map_or(0.0, Clock::seconds);
-            coverage.catch_up(volume, views, seconds);
-            coverage.look(volume, self.camera::<StillViews>().map_or(&[], StillViews::views), seconds);
+            match self.camera::<StillViews>() {
+                Some(still) if still.views().len() <= VIEWS_AT_ONCE => coverage.see(volume, views, still, seconds),
+                // A window looks at more of them in the background.
+                _ => coverage.catch_up(volume, views, seconds),
+            }
             self.app.camera().insert(coverage);
         }
         Ok(())

@@ -153,10 +153,12 @@ impl Seen {
         };
         if is_watched {
             // The reader is back at the scan that was shown before.
-            if is_beginning {
+            if is_beginning && self.begun_for != Some(other.is_some()) {
                 self.stage = Stage::Idle;
             }
-            self.begun_for = None;
+            if !matches!(self.stage, Stage::Beginning(_)) {
+                self.begun_for = None;
+            }
         } else if self.begun_for != Some(other.is_some()) && (is_beginning || self.next().is_none()) {
             self.begin(flight, other, wake, now);
         }
@@ -168,10 +170,22 @@ impl Seen {
         self.aside.take_if(|(coverage, _)| !coverage.belongs_to(flown(flight)));
         let known = self.aside.as_ref().filter(|(coverage, _)| coverage.is_beside() == other.is_some()).cloned();
         let job = match known {
-            Some(known) => jobs::catch_up(known, flight, wake),
+            Some((coverage, paint)) => jobs::catch_up(coverage, Some(paint), flight, wake),
             None => jobs::begin(flight, other, wake),
         };
         self.stage = job.map_or_else(|e| Stage::Failed(e.to_string()), Stage::Beginning);
+    }
+
+    /// Looks at the wall that is watched from all views that it has not taken, in the background, unless that is busy or has failed.
+    pub(crate) fn look_again(&mut self, flight: &FlightApp, wake: &WakeUp, now: Instant) {
+        if !matches!(self.stage, Stage::Idle) {
+            return;
+        }
+        if let Some(coverage) = flight.camera::<LiveCoverage>() {
+            (self.looked, self.begun_for) = (now, Some(coverage.is_beside()));
+            let job = jobs::catch_up(coverage.clone(), None, flight, wake);
+            self.stage = job.map_or_else(|e| Stage::Failed(e.to_string()), Stage::Beginning);
+        }
     }
 
     /// Takes what was found of a wall.
@@ -188,20 +202,19 @@ impl Seen {
             return Ok(None);
         }
         if flight.survey().trail().is_some_and(|t| coverage.lags(t.views())) {
-            let job = jobs::catch_up((coverage, paint), flight, wake);
+            let job = jobs::catch_up(coverage, Some(paint), flight, wake);
             self.stage = job.map_or_else(|e| Stage::Failed(e.to_string()), Stage::Beginning);
             return Ok(None);
         }
-        let before = flight.camera::<LiveCoverage>().cloned();
+        // What was watched until now is put aside, unless it is of the same wall.
+        let before = flight.camera::<LiveCoverage>().filter(|before| !paint.is_of(before)).cloned();
         flight.watch_coverage(coverage)?;
         let painted = if self.is_painted { flight.paint_coverage(Some(paint))? } else { self.paint.replace(paint) };
-        self.aside = before.map(|coverage| match painted {
-            Some(paint) if paint.is_of(&coverage) => (coverage, paint),
-            _ => {
-                let paint = CoveragePaint::new(&coverage);
-                (coverage, paint)
-            }
-        });
+        if let Some(coverage) = before {
+            let paint = painted.filter(|paint| paint.is_of(&coverage));
+            let paint = paint.unwrap_or_else(|| CoveragePaint::new(&coverage));
+            self.aside = Some((coverage, paint));
+        }
         (self.list, self.current, self.begun_for) = (None, None, None);
         self.is_visited.clear();
         Ok(Some(News::Begun))

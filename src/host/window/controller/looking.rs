@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use super::FlightController;
 use crate::components::output::Picture;
 use crate::components::still::{StillView, StillViews};
-use crate::coverage::LiveCoverage;
+use crate::coverage::{LiveCoverage, VIEWS_AT_ONCE};
 
 /// A view that is shown for so long was looked at.
 const LOOKED: Duration = Duration::from_millis(200);
@@ -82,28 +82,31 @@ impl FlightController {
         let usual = self.flight.setup().scene.image.fov_degrees;
         let flown = self.flight.survey().trail().and_then(|t| t.views().last());
         let flown = flown.map(|v| StillView { position: v.0, attitude: v.1, fov_degrees: usual });
-        let mut still = self.flight.camera::<StillViews>().cloned().unwrap_or_default();
-        if flown.iter().chain(still.views().last()).any(|known| is_same(known, &view)) {
+        let still = self.flight.camera::<StillViews>().and_then(|s| s.views().last());
+        if flown.iter().chain(still).any(|known| is_same(known, &view)) {
             return;
         }
-        match self.flight.camera_mut::<StillViews>() {
-            Some(mut views) => views.add(view),
-            None => {
-                still.add(view);
-                _ = self.flight.app_mut().camera().insert(still);
-            }
+        let mut camera = self.flight.app_mut().camera();
+        if let Some(mut views) = camera.insert_if_new(StillViews::default()).get_mut::<StillViews>() {
+            views.add(view);
         }
     }
 
-    /// Looks at the wall from the views that have not been taken.
+    /// Looks at the wall from the views that have not been taken. Many of them, those of an earlier sitting, are for the background.
     fn look_again(&mut self, now: Instant) {
-        let Some(views) = self.flight.camera::<StillViews>().map(|s| s.views().len()) else { return };
-        let Some(coverage) = self.flight.camera::<LiveCoverage>().filter(|c| c.has_to_look(views)) else { return };
-        let (before, seconds) = (coverage.share(), self.flight.clock().seconds());
-        let still = self.flight.camera::<StillViews>().map_or_else(Vec::new, |s| s.views().to_vec());
+        let Some(coverage) = self.flight.camera::<LiveCoverage>() else { return };
+        let still = self.flight.camera::<StillViews>().map_or(&[][..], StillViews::views);
+        let more = still.get(coverage.looked()..).unwrap_or(&[]);
+        if more.len() > VIEWS_AT_ONCE {
+            return self.seen.look_again(&self.flight, &self.wake, now);
+        }
+        if more.is_empty() {
+            return;
+        }
+        let (before, seconds, more) = (coverage.share(), self.flight.clock().seconds(), more.to_vec());
         let volume = self.flight.setup().volume.clone();
         let Some(mut coverage) = self.flight.camera_mut::<LiveCoverage>() else { return };
-        coverage.look(&volume, &still, seconds);
+        coverage.look_on(&volume, &more, seconds);
         if coverage.share() > before {
             self.flight.mark_picture();
             self.attention = true;
@@ -163,6 +166,37 @@ mod tests {
         let trail = c.flight().survey().trail().unwrap().views().len();
         let still = c.flight().camera::<StillViews>().map_or(0, |s| s.views().len());
         (trail, still, c.flight().camera::<LiveCoverage>().unwrap().share())
+    }
+
+    /// Fails if thousands of views are looked at in a frame, while nothing is shown.
+    #[test]
+    fn what_was_looked_at_in_an_earlier_sitting_is_for_the_background() {
+        let (mut c, mut now) = paused();
+        let (_, _, share) = counted(&c);
+        let trail = c.flight().survey().trail().unwrap().views().to_vec();
+        let turned = |v: &(glam::DVec3, crate::dynamics::Attitude)| StillView {
+            position: v.0,
+            attitude: crate::dynamics::Attitude::new(-v.1.forward, v.1.up),
+            fov_degrees: 90.0,
+        };
+        let earlier: StillViews = trail.iter().map(turned).collect();
+        let all = earlier.views().len();
+        assert!(all > VIEWS_AT_ONCE);
+        c.flight_mut().app_mut().camera().insert(earlier);
+        // As in a flight that is watched from its start.
+        let anew = c.flight().camera::<LiveCoverage>().unwrap().afresh();
+        c.flight_mut().app_mut().camera().insert(anew);
+        pass(&mut c, &mut now, 1, true);
+        assert_eq!(c.flight().camera::<LiveCoverage>().unwrap().looked(), 0);
+        let begun = Instant::now();
+        while c.flight().camera::<LiveCoverage>().unwrap().looked() == 0 {
+            assert!(begun.elapsed() < Duration::from_secs(100), "{:?}", c.seen().state());
+            std::thread::sleep(Duration::from_millis(2));
+            pass(&mut c, &mut now, 1, true);
+        }
+        let live = c.flight().camera::<LiveCoverage>().unwrap();
+        assert!(live.looked() >= all && live.share() > share, "{} and {share}", live.share());
+        assert!(!live.lags(c.flight().survey().trail().unwrap().views()));
     }
 
     /// Fails if only the views of the trail count: it has none of a wider picture, nor of a turn of a few degrees.

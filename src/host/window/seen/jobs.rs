@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::{Patch, Watched, flown};
 use crate::app::{FlightApp, Setup};
-use crate::components::still::{StillView, StillViews};
+use crate::components::still::StillViews;
 use crate::coverage::{CoveragePaint, LiveCoverage, Scans, missed};
 use crate::dynamics::Attitude;
 use crate::error::Result;
@@ -32,21 +32,25 @@ pub(super) fn begin(flight: &FlightApp, other: Option<Entity>, wake: &WakeUp) ->
             None => LiveCoverage::of(&volume, &gas, progress)?,
         };
         coverage.set_fov(fov_degrees);
-        coverage.catch_up(&volume, &views, LONG_AGO);
-        coverage.look(&volume, &still, LONG_AGO);
+        coverage.see(&volume, &views, &still, LONG_AGO);
         let paint = CoveragePaint::new(&coverage);
         Ok((coverage, paint))
     };
     let wake = Arc::clone(wake);
-    Job::start("coverage", &Arc::new(Progress::new()), work, move || wake())
+    Job::start_apart("coverage", &Arc::new(Progress::new()), work, move || wake())
 }
 
-/// Looks at the views since a wall was watched last, in the background.
-pub(super) fn catch_up((mut coverage, paint): Watched, flight: &FlightApp, wake: &WakeUp) -> Result<Job<Watched>> {
+/// Looks at the views since a wall was watched last, in the background, and prepares its paint if there is none.
+pub(super) fn catch_up(
+    mut coverage: LiveCoverage,
+    paint: Option<CoveragePaint>,
+    flight: &FlightApp,
+    wake: &WakeUp,
+) -> Result<Job<Watched>> {
     let (volume, (views, still)) = (flight.setup().volume.clone(), views(flight));
     let work = move |_: &Arc<Progress>| {
-        coverage.catch_up(&volume, &views, LONG_AGO);
-        coverage.look(&volume, &still, LONG_AGO);
+        coverage.see(&volume, &views, &still, LONG_AGO);
+        let paint = paint.unwrap_or_else(|| CoveragePaint::new(&coverage));
         Ok((coverage, paint))
     };
     let wake = Arc::clone(wake);
@@ -54,9 +58,9 @@ pub(super) fn catch_up((mut coverage, paint): Watched, flight: &FlightApp, wake:
 }
 
 /// Returns the views of the flight's trail, and those beside it.
-fn views(flight: &FlightApp) -> (Vec<(DVec3, Attitude)>, Vec<StillView>) {
+fn views(flight: &FlightApp) -> (Vec<(DVec3, Attitude)>, StillViews) {
     let trail = flight.survey().trail().map_or_else(Vec::new, |t| t.views().to_vec());
-    (trail, flight.camera().map_or_else(Vec::new, |s: &StillViews| s.views().to_vec()))
+    (trail, flight.camera().cloned().unwrap_or_default())
 }
 
 /// Computes the distances to the wall of the gas that is flown, in the background.
