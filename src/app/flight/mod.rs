@@ -379,7 +379,7 @@ impl FlightApp {
 
     /// Returns what the flight has covered until now.
     pub fn survey(&self) -> Survey<'_> {
-        Survey { flight: self }
+        Survey { flight: self, as_flown: None }
     }
 
     /// Returns the views other than the camera's, in rendering order, with their renderers' caches.

@@ -24,6 +24,8 @@ const END_MM: f64 = 20.0;
 #[derive(Clone, Copy)]
 pub struct Survey<'a> {
     pub(super) flight: &'a FlightApp,
+    /// The wall of the gas that is flown, if only that counts.
+    pub(super) as_flown: Option<&'a LiveCoverage>,
 }
 
 /// What of the wall a flight has seen, from [`Survey::coverage`].
@@ -125,11 +127,18 @@ impl<'a> Survey<'a> {
         looks.into_iter().zip(places).map(stop).collect()
     }
 
+    /// Returns the same of the scan that is flown through, also while a window shows another one. `wall` is that of the gas that is flown.
+    #[must_use]
+    pub fn as_flown(self, wall: &'a LiveCoverage) -> Self {
+        Self { as_flown: Some(wall), ..self }
+    }
+
     /// Returns what is watched of another scan, if a window shows that in place of the one that is flown through.
     fn beside(self) -> Option<&'a LiveCoverage> {
         let Setup { lumen, plan, .. } = &self.flight.setup;
         let flown = plan.gas.as_ref().unwrap_or(lumen);
-        self.flight.camera::<LiveCoverage>().filter(|live| live.is_beside() && live.belongs_to(flown))
+        let watched = self.flight.camera::<LiveCoverage>().filter(|_| self.as_flown.is_none());
+        watched.filter(|live| live.is_beside() && live.belongs_to(flown))
     }
 
     /// Returns the scan whose wall is looked at.
@@ -166,7 +175,8 @@ impl<'a> Survey<'a> {
         if flown.is_empty() {
             return Ok(None);
         }
-        if let Some(live) = beside.or_else(|| self.flight.camera().filter(|l: &&LiveCoverage| l.is_of(&gas))) {
+        let watched = self.as_flown.or(self.flight.camera()).filter(|l| l.is_of(&gas));
+        if let Some(live) = beside.or(watched) {
             return Ok(Some(live.wall_of(&flown)));
         }
         Wall::of(volume.voxels(), &gas, &flown, volume.transfer().iso(), progress).map(Some)

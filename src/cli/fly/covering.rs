@@ -6,7 +6,7 @@ use glam::DVec3;
 use serde_json::{Map, Value, json};
 
 use super::flight_stats;
-use crate::app::{FlightApp, ReviewRounds, TourFlown};
+use crate::app::{FlightApp, ReviewRounds, Setup, Survey, TourFlown};
 use crate::cli::args::{FlyArgs, Global};
 use crate::cli::prepare::{self, say};
 use crate::components::flight::State;
@@ -15,6 +15,7 @@ use crate::coverage::LiveCoverage;
 use crate::error::Result;
 use crate::output;
 use crate::polyps::answers::{Answer, Answers};
+use crate::progress::Progress;
 use crate::render::CameraModel;
 
 /// Looking back shows enough to be told if it shows this share of the wall more.
@@ -70,16 +71,28 @@ impl Covering {
     }
 
     /// Returns the stats of a flight in a window, where the operator decides on a review.
+    ///
+    /// They are of the scan that was flown through, and of the flight: another scan that the window shows, and what was looked at
+    /// beside the flight or in an earlier sitting, depend on when it was closed.
     #[cfg(any(feature = "window", test))]
     pub(super) fn flown(&self, flight: &FlightApp) -> Result<Stats> {
-        self.first(flight).map(|seen| seen.stats)
+        let Setup { volume, lumen, plan, scene, .. } = flight.setup();
+        let gas = plan.gas.as_ref().unwrap_or(lumen);
+        let mut live = match flight.camera::<LiveCoverage>() {
+            None => return self.first(flight, flight.survey(), None).map(|seen| seen.stats),
+            Some(watched) if watched.is_of(gas) => watched.afresh(),
+            Some(_) => LiveCoverage::of(volume, gas, &Progress::new())?,
+        };
+        live.set_fov(scene.image.fov_degrees);
+        let survey = flight.survey().as_flown(&live);
+        self.first(flight, survey, Some(live.clone())).map(|seen| seen.stats)
     }
 
     /// Looks at what was seen when the flight or a tour has ended, and sets out on the next tour. Returns the time for it, s; `None` if
     /// it is over.
     pub(super) fn onward(&self, flight: &mut FlightApp, seen: &mut Option<Seen>) -> Result<Option<f64>> {
         let Some(seen) = seen else {
-            let first = self.first(flight)?;
+            let first = self.first(flight, flight.survey(), flight.camera::<LiveCoverage>().cloned())?;
             let is_over = first.is_over;
             let seen = seen.insert(first);
             return if is_over { Ok(None) } else { set_out(flight, seen) };
@@ -91,21 +104,21 @@ impl Covering {
         set_out(flight, seen)
     }
 
-    /// Looks at what the flight has seen.
-    fn first(&self, flight: &FlightApp) -> Result<Seen> {
-        let covered = flight.survey().coverage(self.fov_degrees, self.mesh.is_some())?;
+    /// Looks at what the flight has seen, and goes on with what was watched of it.
+    fn first(&self, flight: &FlightApp, survey: Survey<'_>, live: Option<LiveCoverage>) -> Result<Seen> {
+        let covered = survey.coverage(self.fov_degrees, self.mesh.is_some())?;
         let mut wall = Map::new();
         let both = covered.as_ref().map(|c| c.coverage);
         wall.insert("coverage".to_owned(), json!(both.map(|c| c.one_way)));
         wall.insert("coverage_both_ways".to_owned(), json!(both.map(|c| c.both_ways)));
-        if let Some(mut live) = flight.camera::<LiveCoverage>().cloned() {
+        if let Some(mut live) = live {
             // With the last views, which wait for their turn.
-            let views = flight.survey().trail().map_or(&[][..], Trail::views);
+            let views = survey.trail().map_or(&[][..], Trail::views);
             live.catch_up(&flight.setup().volume, views, flight.clock().seconds());
             wall.insert("coverage_live".to_owned(), json!(live.share()));
         }
         wall.insert("wall_mm2".to_owned(), json!(covered.as_ref().map_or(0.0, |c| c.wall.mm2())));
-        let missed = covered.as_ref().map_or_else(|| Ok(Vec::new()), |c| flight.survey().missed(c))?;
+        let missed = covered.as_ref().map_or_else(|| Ok(Vec::new()), |c| survey.missed(c))?;
         wall.insert("missed".to_owned(), json!(missed));
         match (&self.mesh, &covered) {
             (Some(path), Some(c)) => c.wall.save(path, &c.sights)?,

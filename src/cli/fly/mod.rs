@@ -486,6 +486,9 @@ mod tests {
     use super::*;
     use crate::app::Plan;
     use crate::components::output::LogLine;
+    use crate::components::still::{StillView, StillViews};
+    use crate::coverage::LiveCoverage;
+    use crate::dynamics::Attitude;
     use crate::fields::lumen;
     use crate::render::presets::standard;
     use crate::render::{Options, Preset};
@@ -602,6 +605,34 @@ mod tests {
         assert!(covered(2.0)[0] < 0.05, "hardly more than the middle of the end");
         let without = stats(&flight, &Timings::default(), &[], None);
         assert!(without.get("coverage").is_none());
+    }
+
+    /// Fails if what was looked at beside the flight counts: it depends on when the window was closed.
+    #[test]
+    fn the_stats_of_a_window_are_of_the_flight_alone() {
+        let volume = Room::new([20, 60, 20]).scan();
+        let [start, goal] = [10.0, 50.0].map(|y| DVec3::new(10.0, y, 10.0));
+        let lumen = lumen::gas_at(volume.voxels(), start, &Progress::new()).unwrap().unwrap();
+        let scene = Scene { coverage: true, ..Scene::default() };
+        let mut flight = FlightApp::new(volume, Arc::new(lumen), Plan::between(start, goal, 40.0), scene).unwrap();
+        flight.fly(0.2).unwrap();
+        let told = |flight: &FlightApp| {
+            let covering = Covering { fov_degrees: 90.0, ..Covering::default() };
+            let stats = covering.flown(flight).unwrap();
+            serde_json::to_string(&stats.wall).unwrap()
+        };
+        let before = told(&flight);
+        assert!(before.contains("coverage_live"), "{before}");
+        let back = Attitude::new(-DVec3::Y, DVec3::Z);
+        let view = StillView { position: goal, attitude: back, fov_degrees: 120.0 };
+        let still: StillViews = [view].into_iter().collect();
+        flight.app_mut().camera().insert(still);
+        let volume = flight.setup().volume.clone();
+        let mut live = flight.camera_mut::<LiveCoverage>().unwrap();
+        let share = live.share();
+        live.look(&volume, &[view], 0.0);
+        assert!(live.share() > share + 0.05);
+        assert_eq!(told(&flight), before);
     }
 
     #[test]

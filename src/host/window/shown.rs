@@ -49,7 +49,7 @@ impl ShownScan {
         if !found.septa().is_empty() {
             found.close_septa(&mut whole);
             let (first, dims) = (place_of(&whole, part.voxels()), part.voxels().grid().dims());
-            part = part.with_voxels(Arc::new(whole.clone().into_part(first, dims)));
+            part = part.with_voxels(Arc::new(whole.part(first, dims)));
         }
         // Both are measured alike, so that a place has one distance along the colon.
         known.along(flown.voxels(), progress)?;
@@ -172,6 +172,26 @@ mod tests {
         assert!(at.distance(listed[here].look_from.unwrap().position) < 1e-6, "{at}");
         c.advance(now).unwrap();
         assert!(!c.hud(now).message.unwrap().contains("no place"));
+    }
+
+    /// Fails if the numbers of a flight depend on whether the scan without tag was found before the window was closed.
+    #[test]
+    fn the_wall_of_the_flight_stays_while_another_is_shown() {
+        let (mut c, mut now) = window();
+        c.show_seen(true, now);
+        go_on(&mut c, &mut now, is_settled);
+        assert!(watched(&c).unwrap().is_beside());
+        let flight = c.flight();
+        let lumen = Arc::clone(&flight.setup().lumen);
+        let own = LiveCoverage::of(&flight.setup().volume, &lumen, &Progress::new()).unwrap();
+        let survey = flight.survey().as_flown(&own);
+        let covered = survey.coverage(90.0, false).unwrap().unwrap();
+        let views = flight.camera::<Trail>().unwrap().views().to_vec();
+        let raw = headless(&mut scan(), &views);
+        assert!((covered.wall.mm2() - raw[0]).abs() < 1.0 && (covered.coverage.one_way - raw[1]).abs() < 1e-3);
+        let places = |missed: &[crate::coverage::Missed]| missed.iter().map(|m| m.area_mm2).collect::<Vec<_>>();
+        let shown = flight.survey().coverage(90.0, false).unwrap().unwrap();
+        assert_ne!(places(&survey.missed(&covered).unwrap()), places(&flight.survey().missed(&shown).unwrap()));
     }
 
     /// Fails if the wall does not change with the scan, or if what was seen is lost.
