@@ -15,6 +15,7 @@ use crate::components::still::{StillView, StillViews};
 use crate::components::trail::Trail;
 use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
+use crate::render::camera::Perspective;
 use crate::volume::Volume;
 
 /// The current version of the file format.
@@ -26,6 +27,8 @@ const MOST: usize = 12_000;
 /// Of views nearer to each other than this, mm, whose directions differ by less than this share of their length, one is kept.
 const NEAR_MM: f64 = 1.5;
 const NEAR_TURN: f64 = 0.12;
+/// The view angle that a picture counts with which is wider than a flat one can be, degrees.
+const USUAL_DEGREES: f64 = 90.0;
 /// Parts of a millimetre, of a unit and of a degree in the file.
 const PER_MM: f64 = 100.0;
 const PER_UNIT: f64 = 10_000.0;
@@ -48,7 +51,7 @@ impl folders::Kept for Kept {
     }
 }
 
-/// Reads the views of a file; none if it does not exist.
+/// Reads the views of a file; none if it does not exist. Views whose angle is that of no flat picture are skipped.
 ///
 /// # Errors
 /// Returns status 3 if it is no file of views, or if they are not of this scan.
@@ -56,14 +59,19 @@ pub(crate) fn read(path: &Path, scan: &Volume) -> Result<Vec<StillView>> {
     let Some(kept) = folders::read_kept::<Kept>(path, HINT)? else { return Ok(Vec::new()) };
     let bad = |why: &str| Error::file(path, why, HINT);
     let views: Option<Vec<StillView>> = kept.views.iter().take(MOST).map(|text| view(text)).collect();
-    let views = views.ok_or_else(|| bad("has a view that is none"))?;
+    let mut views = views.ok_or_else(|| bad("has a view that is none"))?;
+    if !views.iter().all(|v| is_inside(v, scan)) {
+        return Err(bad("has views outside of this scan"));
+    }
+    views.retain(|v| Perspective::new(v.fov_degrees).is_ok());
+    Ok(views)
+}
+
+/// True if a view is in the scan, or at its edge.
+fn is_inside(v: &StillView, scan: &Volume) -> bool {
     let grid = scan.grid();
-    let last = DVec3::from_array(grid.dims().map(|d| d as f64));
-    let is_inside = |v: &StillView| {
-        let at = grid.voxel(v.position);
-        at.cmpge(DVec3::NEG_ONE).all() && at.cmple(last).all()
-    };
-    if views.iter().all(is_inside) { Ok(views) } else { Err(bad("has views outside of this scan")) }
+    let (at, last) = (grid.voxel(v.position), DVec3::from_array(grid.dims().map(|d| d as f64)));
+    at.cmpge(DVec3::NEG_ONE).all() && at.cmple(last).all()
 }
 
 /// Writes views to a file. Without any, an existing file is left as it is.
@@ -78,13 +86,21 @@ pub(crate) fn keep(path: &Path, views: &[StillView]) -> Result<()> {
     folders::keep(path, &Kept { version: VERSION, views })
 }
 
-/// Returns what was looked at in a flight: before it, at rest, and on its way.
+/// Returns what was looked at in a flight: before it, at rest, and on its way. None of it is a view that [`read`] refuses.
 pub(crate) fn of(flight: &FlightApp) -> Vec<StillView> {
     let fov_degrees = flight.setup().scene.image.fov_degrees;
     let still = flight.camera::<StillViews>().map_or(&[][..], StillViews::views);
     let trail = flight.survey().trail().map_or(&[][..], Trail::views);
     let flown = trail.iter().map(|&(position, attitude)| StillView { position, attitude, fov_degrees });
-    still.iter().copied().chain(flown).collect()
+    let scan = flight.setup().volume.voxels();
+    let is_one = |v: &StillView| view(&text(v)).is_some_and(|read| is_inside(&read, scan));
+    still.iter().copied().chain(flown).map(flat).filter(is_one).collect()
+}
+
+/// A picture that is wider than a flat one can be counts with the usual angle.
+fn flat(v: StillView) -> StillView {
+    let is_flat = Perspective::new(v.fov_degrees).is_ok();
+    if is_flat { v } else { StillView { fov_degrees: USUAL_DEGREES, ..v } }
 }
 
 /// Returns the views without those that are about the same as one before, and farther apart the more there are.
@@ -119,7 +135,7 @@ fn view(text: &str) -> Option<StillView> {
     let numbers: Option<Vec<i32>> = text.split(' ').map(|n| n.parse().ok()).collect();
     let [x, y, z, a, b, c, d, fov] = <[i32; 8]>::try_from(numbers?).ok()?.map(f64::from);
     let turn = DQuat::from_xyzw(a, b, c, d);
-    let is_valid = turn.length() > 0.5 * PER_UNIT && fov > 0.0 && fov < 180.0 * PER_DEGREE;
+    let is_valid = turn.length() > 0.5 * PER_UNIT && fov > 0.0;
     let turn = DMat3::from_quat(turn.normalize());
     let attitude = Attitude::new(turn.y_axis, turn.z_axis);
     let position = DVec3::new(x, y, z) / PER_MM;
@@ -169,6 +185,29 @@ mod tests {
         assert_eq!(read(&path, &scan()).unwrap().len(), thinned(&again).len());
     }
 
+    /// Fails if one view that is not read makes the file useless, so that nothing is kept of the scan any more.
+    #[test]
+    fn what_a_flight_keeps_can_be_read() {
+        let mut flight = crate::host::window::controller::tests::flight("tentacles");
+        flight.fly(0.5).unwrap();
+        let here = views(1)[0];
+        let strange = [
+            StillView { fov_degrees: 220.0, ..here },
+            StillView { fov_degrees: 0.0, ..here },
+            StillView { fov_degrees: f64::NAN, ..here },
+            StillView { position: DVec3::splat(1e5), ..here },
+            StillView { attitude: Attitude { forward: DVec3::ZERO, up: DVec3::ZERO }, ..here },
+        ];
+        let still: StillViews = strange.into_iter().collect();
+        flight.app_mut().camera().insert(still);
+        let (dir, volume) = (tempfile::tempdir().unwrap(), flight.setup().volume.voxels().clone());
+        let path = dir.path().join("a.json");
+        keep(&path, &of(&flight)).unwrap();
+        let read = read(&path, &volume).unwrap();
+        assert!(read.len() > 1 && read.len() == thinned(&of(&flight)).len(), "{}", read.len());
+        assert!(read.iter().all(|v| v.fov_degrees == USUAL_DEGREES), "as its pictures count: {read:?}");
+    }
+
     #[test]
     fn its_size_is_bounded() {
         let dir = tempfile::tempdir().unwrap();
@@ -195,6 +234,10 @@ mod tests {
             std::fs::write(&path, bad).unwrap();
             assert!(read(&path, &scan()).is_err(), "{bad}");
         }
+        // What a picture that is not flat has left is skipped.
+        let text = "{\"version\": 1, \"views\": [\"1 2 3 0 0 0 10000 2200\", \"1 2 3 0 0 0 10000 900\"]}";
+        std::fs::write(&path, text).unwrap();
+        assert_eq!(read(&path, &scan()).unwrap().len(), 1);
         let far = StillView { position: DVec3::splat(500.0), ..views(1)[0] };
         keep(&path, &[views(1)[0], far]).unwrap();
         let e = read(&path, &scan()).unwrap_err().to_string();
