@@ -112,6 +112,8 @@ pub(crate) struct FlightController {
     answers_file: Option<PathBuf>,
     /// True if what is made is kept with the scan.
     keeps: bool,
+    /// Why it is not, in a sentence.
+    unkept: Option<String>,
     /// The kinds of gas, found once somebody asks for them.
     kinds: Kinds,
     /// What of the wall was seen, watched once somebody asks for it.
@@ -196,6 +198,7 @@ impl FlightController {
             detector: detectors::BUILT_IN[0],
             answers_file: None,
             keeps: true,
+            unkept: None,
             kinds,
             seen: Seen::new(now),
             looking: Looking::default(),
@@ -549,7 +552,8 @@ impl FlightController {
             return Some("A distance has one end only.".to_owned());
         }
         if self.has_unkept() {
-            return Some("The case is open in another window. What you made here is not kept.".to_owned());
+            let why = self.unkept.iter().map(|why| format!("{why} "));
+            return Some(why.chain(["What you made here is not kept.".to_owned()]).collect());
         }
         let assistant = self.assistant()?;
         if let super::assistant::State::Working(..) = assistant.state() {

@@ -25,9 +25,13 @@ const TRIES: Duration = Duration::from_secs(1);
 pub(crate) const ELSEWHERE: &str =
     "This case is open in another window. What you make here is not kept until that window is closed.";
 /// What is said when this window keeps the scan from now on.
-pub(crate) const TAKEN_OVER: &str = "the other window is closed: what you make here is kept";
+const TAKEN_OVER: &str = "the other window is closed: what you make here is kept";
 /// What is said when it cannot.
-pub(crate) const CHANGED: &str = "The other window has changed what is kept of this case, so what you make here is not kept. Open the scan again to go on with it.";
+const CHANGED: &str = "The other window has changed what is kept of this case, so what you make here is not kept. Open the scan again to go on with it.";
+
+/// Why what was made is not kept, for the question whether to close the window.
+const IS_ELSEWHERE: &str = "The case is open in another window.";
+const HAS_CHANGED: &str = "Another window has changed what is kept of this case.";
 
 /// Whether this window keeps the scan.
 enum Hold {
@@ -45,6 +49,28 @@ pub(crate) enum Turn {
     TakenOver,
     /// It cannot, because what is kept has changed.
     Changed,
+    /// It cannot, because what was made until now could not be stored.
+    Failed(Error),
+}
+
+impl Turn {
+    /// Returns what the reader is told.
+    pub(crate) fn said(&self) -> String {
+        match self {
+            Self::TakenOver => TAKEN_OVER.to_owned(),
+            Self::Changed => CHANGED.to_owned(),
+            Self::Failed(e) => {
+                format!(
+                    "The other window is closed, but what you make here is not kept: {e}. Then open the scan again."
+                )
+            }
+        }
+    }
+
+    /// Returns what the reader must know from now on.
+    pub(crate) fn warning(&self) -> Option<String> {
+        (!matches!(self, Self::TakenOver)).then(|| self.said())
+    }
 }
 
 /// What is kept of the open scan.
@@ -104,6 +130,9 @@ impl Keeping {
         controller.set_answers_file(files.answers);
         controller.set_kinds_file(files.kinds);
         _ = controller.keep_files(self.is_ours());
+        if !self.is_ours() {
+            controller.set_unkept(IS_ELSEWHERE);
+        }
         unread
     }
 
@@ -130,12 +159,16 @@ impl Keeping {
         let is_as_read = before.iter().all(|(path, bytes)| std::fs::read(path).ok() == *bytes);
         let Hold::Theirs(lock, ..) = std::mem::replace(&mut self.hold, Hold::Nobody) else { return None };
         if !is_as_read {
+            controller.set_unkept(HAS_CHANGED);
             return Some(Turn::Changed);
         }
-        self.hold = Hold::Ours(Some(lock));
         if let Err(e) = controller.keep_files(true) {
             output::to_stderr(format_args!("note: {e}"));
+            _ = controller.keep_files(false);
+            controller.set_unkept(format!("{}: {}.", e.what, e.why));
+            return Some(Turn::Failed(e));
         }
+        self.hold = Hold::Ours(Some(lock));
         Some(Turn::TakenOver)
     }
 
@@ -237,7 +270,8 @@ mod tests {
         let mut b = window(&mut second);
         measure(&mut b, DVec3::Y);
         assert_eq!((b.measures().list().len(), kept(dir.path())), (2, 1), "it shows what was kept, and keeps nothing");
-        assert!(b.unfinished().unwrap().contains("not kept") && a.unfinished().is_none());
+        assert!(b.unfinished().unwrap().contains("open in another window. What you made here is not kept"));
+        assert!(a.unfinished().is_none());
         now += Duration::from_secs(2);
         assert!(second.take_over(&mut b, now).is_none() && second.next().is_some());
         first.close(a.flight());
@@ -267,10 +301,35 @@ mod tests {
         first.close(a.flight());
         now += Duration::from_secs(2);
         assert!(matches!(second.take_over(&mut b, now), Some(Turn::Changed)));
-        assert!(!second.is_ours() && second.next().is_none() && b.unfinished().is_some());
+        assert!(!second.is_ours() && second.next().is_none());
+        let told = b.unfinished().unwrap();
+        assert!(told.contains("has changed") && told.contains("not kept") && !told.contains("is open in"), "{told}");
         measure(&mut b, DVec3::Y);
         second.close(b.flight());
         assert_eq!(kept(dir.path()), 2);
+    }
+
+    #[test]
+    fn a_window_that_cannot_store_does_not_say_that_it_keeps() {
+        let (dir, mut now) = (tempfile::tempdir().unwrap(), Instant::now());
+        let mut first = opened(dir.path(), now);
+        let a = window(&mut first);
+        let mut second = opened(dir.path(), now);
+        let mut b = window(&mut second);
+        measure(&mut b, DVec3::Y);
+        first.close(a.flight());
+        // A file where the folder of the distances would be.
+        std::fs::write(dir.path().join("measures"), "").unwrap();
+        now += Duration::from_secs(2);
+        let turn = second.take_over(&mut b, now).unwrap();
+        assert!(matches!(&turn, Turn::Failed(_)) && turn.warning() == Some(turn.said()));
+        assert!(turn.said().contains("is not kept: ") && turn.said().contains("measures"), "{}", turn.said());
+        assert!(!second.is_ours() && second.next().is_none());
+        let told = b.unfinished().unwrap();
+        assert!(told.contains("measures") && told.ends_with("What you made here is not kept."), "{told}");
+        // Another window may keep the scan.
+        assert!(opened(dir.path(), now).is_ours());
+        second.close(b.flight());
     }
 
     /// Fails if what was seen is lost when a scan is closed.

@@ -120,8 +120,13 @@ impl Kinds {
         }
     }
 
-    /// Stores what the reader says in a file.
+    /// Stores what the reader says in a file. What it holds counts, if that is something else: the flight began with what was read
+    /// before, and another window may have changed it since. The lumen is found with it once somebody asks for the kinds.
     pub(crate) fn keep_in(&mut self, file: Option<PathBuf>) {
+        let kept = file.as_deref().filter(|f| f.exists()).and_then(|f| told::read(f).ok());
+        if let Some(kept) = kept.filter(|kept| self.made == 0 && *kept != self.told) {
+            self.told = kept;
+        }
         self.file = file;
     }
 

@@ -21,7 +21,7 @@ use super::assistant::Assistant;
 use super::controller::FlightController;
 use super::framebuffer::{Framebuffer, Places};
 use super::interface::{Interface, WindowSize};
-use super::keeping::{self, Keeping, Turn};
+use super::keeping::{self, Keeping};
 use super::keys::HeldKeys;
 use super::loading::{Loading, Prepare, Ready, Unflown};
 use super::overlay::{self, Content};
@@ -775,12 +775,8 @@ impl Shell {
             Stage::Flying(controller) => {
                 controller.advance(now)?;
                 if let Some(turn) = self.keeping.as_mut().and_then(|k| k.take_over(controller, now)) {
-                    let instead = match turn {
-                        Turn::TakenOver => None,
-                        Turn::Changed => Some(keeping::CHANGED),
-                    };
-                    self.workspace.warn_instead(keeping::ELSEWHERE, instead);
-                    controller.say(instead.unwrap_or(keeping::TAKEN_OVER), now);
+                    self.workspace.warn_instead(keeping::ELSEWHERE, turn.warning().as_deref());
+                    controller.say(turn.said(), now);
                     self.touched = true;
                 }
                 if let Some(log) = &mut self.log {

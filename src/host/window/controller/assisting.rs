@@ -54,8 +54,16 @@ impl FlightController {
     /// Returns status 5 if something cannot be stored; the rest is.
     pub(crate) fn keep_files(&mut self, keeps: bool) -> crate::error::Result<()> {
         self.keeps = keeps;
+        if keeps {
+            self.unkept = None;
+        }
         let answers = self.assistant.as_mut().map_or(Ok(()), |a| a.keep_now(keeps));
         self.measures.keep_now(keeps).and(self.kinds.keep_now(keeps)).and(answers)
+    }
+
+    /// Tells why what is made is not kept, in a sentence.
+    pub(crate) fn set_unkept(&mut self, why: impl Into<String>) {
+        self.unkept = Some(why.into());
     }
 
     /// True if something was made that is not kept.

@@ -70,6 +70,36 @@ fn is_like([r, g, b]: [u8; 3], kind: GasKind) -> bool {
     near(of(OPACITY)) || near(of(CHOSEN))
 }
 
+/// Fails if the kinds are those that were read before the scan was locked: what another window has told since would be overwritten.
+#[test]
+fn what_another_window_told_meanwhile_stays() {
+    let (mut scan, now, dir) = (scan(), Instant::now(), tempfile::tempdir().unwrap());
+    let file = dir.path().join("kinds.json");
+    let mut c = flown(&mut scan);
+    c.show_kinds(true, now);
+    until_found(&mut c, now);
+    let place = no_colon(&c).0;
+    let mut c = flown(&mut scan);
+    told::keep(&file, &[(place, GasKind::Colon)]).unwrap();
+    let meanwhile = told::read(&file).unwrap();
+    c.set_kinds_file(Some(file.clone()));
+    c.show_kinds(true, now);
+    until_found(&mut c, now);
+    assert!(c.flight().setup().lumen.segment_at(place).is_some(), "it counts");
+    let here = c.flight().pose().position;
+    c.slice(SliceInput::Click(here), now);
+    perform(&mut c, "kind-colon", now);
+    let kept = told::read(&file).unwrap();
+    assert!(kept.len() == 2 && kept.contains(&meanwhile[0]), "{kept:?}");
+    // A damaged file, or none, changes nothing.
+    std::fs::write(&file, "damaged").unwrap();
+    for file in [file, dir.path().join("none.json")] {
+        let mut kinds = Kinds::new(meanwhile.clone(), now);
+        kinds.keep_in(Some(file));
+        assert_eq!(kinds.told, meanwhile);
+    }
+}
+
 #[test]
 fn gas_has_the_colour_of_its_kind_and_the_reader_changes_it() {
     let (mut scan, now, dir) = (scan(), Instant::now(), tempfile::tempdir().unwrap());
