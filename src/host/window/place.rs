@@ -10,6 +10,8 @@ use super::job::Job;
 use super::screenshot_renderer::WakeUp;
 use crate::app::{FlightApp, Setup};
 use crate::components::flight::State;
+use crate::components::still::StillViews;
+use crate::components::trail::Trail;
 use crate::error::Result;
 use crate::fields::lumen::Part;
 use crate::fields::{Along, AlongColon, Lumen};
@@ -66,8 +68,11 @@ pub(crate) struct Chosen {
     pub is_guessed: bool,
 }
 
+/// The measure along a lumen, and the stretches of its line that were flown before it was known, as [`Place::read`].
+type Measured = (Arc<Along>, Vec<[f64; 2]>);
+
 enum Known {
-    Computing(Job<Arc<Along>>),
+    Computing(Job<Measured>),
     Yes(Arc<Along>),
     /// It failed: the distance flown has to do.
     No,
@@ -97,14 +102,18 @@ impl Place {
         if let Known::Computing(job) = known
             && let Some(done) = job.take()
         {
-            *known = done.map_or(Known::No, Known::Yes);
-            // The measure is that of the scan, with its tag or without; another kind of its gas may change it.
-            if let Known::Yes(along) = known
-                && (along.length_mm() - self.length_mm).abs() > TOUCHING_MM
-            {
-                self.length_mm = along.length_mm();
-                self.read.clear();
-            }
+            *known = match done {
+                Ok((along, read)) => {
+                    // The measure is that of the scan, with its tag or without; another kind of its gas may change it.
+                    if (along.length_mm() - self.length_mm).abs() > TOUCHING_MM {
+                        self.length_mm = along.length_mm();
+                        self.read.clear();
+                    }
+                    read.into_iter().for_each(|stretch| add(&mut self.read, stretch));
+                    Known::Yes(along)
+                }
+                Err(_) => Known::No,
+            };
         }
         let before = self.at;
         self.at = match known {
@@ -112,8 +121,7 @@ impl Place {
             Known::Computing(_) | Known::No => None,
         };
         if let Some(at) = self.at {
-            let from = before.map_or(at.mm, |b| if (b.mm - at.mm).abs() < STRIDE_MM { b.mm } else { at.mm });
-            add(&mut self.read, [from.min(at.mm), from.max(at.mm)]);
+            go_on(&mut self.read, before.map(|b| b.mm), at.mm);
         }
     }
 
@@ -235,10 +243,30 @@ fn add(list: &mut Vec<[f64; 2]>, [mut from, mut to]: [f64; 2]) {
     list.splice(first..last, [[from, to]]);
 }
 
-/// Computes the measure along the gas that is flown, in the background.
-fn begin(flight: &FlightApp, gas: &Arc<Lumen>, wake: &WakeUp) -> Result<Job<Arc<Along>>> {
+/// Adds the stretch from the place before to this one, mm, if they are joined by a flight.
+fn go_on(list: &mut Vec<[f64; 2]>, before: Option<f64>, mm: f64) {
+    let from = before.filter(|b| (b - mm).abs() < STRIDE_MM).unwrap_or(mm);
+    add(list, [from.min(mm), from.max(mm)]);
+}
+
+/// Computes the measure along the gas that is flown, and what of it was read until now and in an earlier sitting, in the background.
+fn begin(flight: &FlightApp, gas: &Arc<Lumen>, wake: &WakeUp) -> Result<Job<Measured>> {
     let (volume, gas, wake) = (flight.setup().volume.clone(), Arc::clone(gas), Arc::clone(wake));
-    let work = move |progress: &Arc<Progress>| gas.along(volume.voxels(), progress);
+    let earlier = flight.camera::<StillViews>().map_or(&[][..], StillViews::earlier);
+    let trail = flight.survey().trail().map_or(&[][..], Trail::views);
+    let ways = [earlier.iter().map(|v| v.position).collect(), trail.iter().map(|v| v.0).collect::<Vec<_>>()];
+    let work = move |progress: &Arc<Progress>| {
+        let (along, mut read) = (gas.along(volume.voxels(), progress)?, Vec::new());
+        for way in ways {
+            let mut before = None;
+            for at in way {
+                let mm = along.of(at).map(|a| a.mm);
+                mm.into_iter().for_each(|mm| go_on(&mut read, before, mm));
+                before = mm;
+            }
+        }
+        Ok((along, read))
+    };
     Job::start("along", &Arc::new(Progress::new()), work, move || wake())
 }
 
@@ -246,6 +274,7 @@ fn begin(flight: &FlightApp, gas: &Arc<Lumen>, wake: &WakeUp) -> Result<Job<Arc<
 mod tests {
     use super::*;
     use crate::app::{FlightRequest, OpenOptions, Scan, Scene};
+    use crate::components::still::StillView;
     use crate::host::window::controller::tests::{cockpit_of, trace};
     use crate::phantom::{Phantom, PhantomSettings};
 
@@ -322,6 +351,38 @@ mod tests {
             let read = bar.read.iter().any(|r| (r[0]..=r[1]).contains(&bar.camera));
             assert!((f64::from(bar.camera) - share * 1000.0).abs() < 12.0 && read, "{share}: {bar:?}");
         }
+    }
+
+    /// Fails if what was read in an earlier sitting, or before the measure was known, counts as not read.
+    #[test]
+    fn what_was_read_before_the_measure_is_known_counts() {
+        let phantom = Phantom::new(&PhantomSettings::embedded(1));
+        let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+        let mut scan = Scan::of(volume, &OpenOptions::default()).unwrap();
+        let mut open = || scan.flight(Scene::guided_by("path"), &FlightRequest::default()).unwrap();
+        let read = |flight: &FlightApp| {
+            let mut place = Place::new(Instant::now());
+            let wake: WakeUp = Arc::new(|| {});
+            let begun = Instant::now();
+            while place.length_mm == 0.0 {
+                assert!(begun.elapsed() < Duration::from_secs(100));
+                place.update(flight, &wake, Instant::now());
+                std::thread::sleep(Duration::from_millis(2));
+            }
+            place.read.iter().map(|r| r[1] - r[0]).sum::<f64>()
+        };
+        let mut first = open();
+        first.fly(5.0).unwrap();
+        let flown = first.survey().trail().unwrap().views().to_vec();
+        assert!(flown.len() > 40);
+        let mm = read(&first);
+        assert!(mm > flown.len() as f64, "{mm} of {}", flown.len());
+        // Opened again, at its start.
+        let mut again = open();
+        assert!(read(&again) < 10.0);
+        let view = |&(position, attitude): &_| StillView { position, attitude, fov_degrees: 90.0 };
+        again.app_mut().camera().insert(flown.iter().map(view).collect::<StillViews>());
+        assert!((read(&again) - mm).abs() < 10.0, "{} and {mm}", read(&again));
     }
 
     #[test]
