@@ -154,6 +154,24 @@ impl AtomicFile {
             Sink::Direct(_) => Ok(()),
         }
     }
+
+    /// Same as [`AtomicFile::finish`], under the first of these names in its folder that is free; nothing is replaced. Returns the
+    /// name; `None` if none is free.
+    ///
+    /// # Errors
+    /// As [`AtomicFile::finish`].
+    pub(crate) fn finish_as(mut self, names: impl Iterator<Item = PathBuf>) -> Result<Option<PathBuf>> {
+        self.sink.flush().map_err(|e| cannot(&self.path, e))?;
+        let Sink::Temporary(mut file, _listed) = self.sink.into_parts().0 else { return Ok(None) };
+        for name in names {
+            match file.persist_noclobber(&name) {
+                Ok(_) => return Ok(Some(name)),
+                Err(e) if e.error.kind() == io::ErrorKind::AlreadyExists => file = e.file,
+                Err(e) => return Err(cannot(&name, e.error)),
+            }
+        }
+        Ok(None)
+    }
 }
 
 impl Write for AtomicFile {

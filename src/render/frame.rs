@@ -153,11 +153,14 @@ impl Frame {
     /// # Errors
     /// Returns status 5 if it cannot be written, or if it has no pixels.
     pub fn write_png(&self, path: impl AsRef<Path>) -> error::Result<()> {
-        output::write_whole(path.as_ref(), |w| {
-            PngEncoder::new_with_quality(w, CompressionType::Fast, FilterType::Adaptive)
-                .write_image(self.pixels.as_flattened(), self.width as u32, self.height as u32, ExtendedColorType::Rgb8)
-                .map_err(std::io::Error::other)
-        })
+        output::write_whole(path.as_ref(), |w| self.encode_png(w))
+    }
+
+    /// Writes the pixels as PNG.
+    pub(crate) fn encode_png(&self, to: &mut dyn std::io::Write) -> std::io::Result<()> {
+        PngEncoder::new_with_quality(to, CompressionType::Fast, FilterType::Adaptive)
+            .write_image(self.pixels.as_flattened(), self.width as u32, self.height as u32, ExtendedColorType::Rgb8)
+            .map_err(std::io::Error::other)
     }
 
     /// Returns the pixels and, if present, the depth for writing.

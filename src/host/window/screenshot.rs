@@ -1,14 +1,12 @@
 //! Saves screenshots: their folder, and names that are free.
 
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
 use crate::components::camera::Pose;
 use crate::error::{Error, Result};
-use crate::host::record::write_png;
-use crate::output;
+use crate::output::{self, AtomicFile};
 use crate::render::Frame;
 
 /// Maximum number of screenshot names in one folder.
@@ -16,34 +14,36 @@ const NAMES: u32 = 10_000;
 /// What to do about a folder that cannot be written to.
 const HINT: &str = "set `screenshots` in settings.toml to a folder that you may write to";
 
-/// Saves an image in `folder` under an unused name, and creates the folder. Returns its path.
+/// Saves an image in `folder` under an unused name, and creates the folder. Returns its path. The file appears complete or not at all.
 ///
 /// # Errors
 /// Returns status 5 if it cannot be written, or no name is left.
 pub(crate) fn save(frame: &Frame, folder: &Path) -> Result<PathBuf> {
     output::make_folder(folder)?;
-    let path = free_name(folder)?;
-    write_png(&path, frame).inspect_err(|_| {
-        // The empty file that holds the name. The error is about the image.
-        let _ = std::fs::remove_file(&path);
+    let first = free_name(folder)?;
+    let mut file = AtomicFile::create(&first).map_err(|e| {
+        let why = format!("no screenshot can be written there ({})", e.why);
+        Error::output(folder, why, HINT).caused_by(e)
     })?;
-    Ok(path)
+    frame.encode_png(&mut file).map_err(|e| output::cannot(&first, e))?;
+    // Meanwhile another window may have taken the name.
+    let is_past = |path: &PathBuf| *path != first;
+    file.finish_as(names(folder).skip_while(is_past))?.ok_or_else(|| full(folder))
 }
 
-/// Takes an unused name. Another window cannot take the same one.
+/// Returns the first unused name.
 fn free_name(folder: &Path) -> Result<PathBuf> {
-    for n in 1..NAMES {
-        let path = folder.join(format!("colvis-{n:04}.png"));
-        match std::fs::File::create_new(&path) {
-            Ok(_) => return Ok(path),
-            Err(e) if e.kind() == ErrorKind::AlreadyExists => {}
-            Err(e) => {
-                let why = format!("no screenshot can be written there ({})", output::plain(&e));
-                return Err(Error::output(folder, why, HINT));
-            }
-        }
-    }
-    Err(Error::output(folder, "is full of screenshots", "move them elsewhere"))
+    let is_free = |path: &PathBuf| std::fs::symlink_metadata(path).is_err();
+    names(folder).find(is_free).ok_or_else(|| full(folder))
+}
+
+/// Returns the names of screenshots, in their order.
+fn names(folder: &Path) -> impl Iterator<Item = PathBuf> {
+    (1..NAMES).map(move |n| folder.join(format!("colvis-{n:04}.png")))
+}
+
+fn full(folder: &Path) -> Error {
+    Error::output(folder, "is full of screenshots", "move them elsewhere")
 }
 
 /// Returns the folder of screenshots: the one that is `set`, or else `colvis` in the platform's folder for pictures.
@@ -113,6 +113,21 @@ mod tests {
         let frame = Frame::new(4, 3);
         let paths = [(); 3].map(|()| save(&frame, &folder).unwrap());
         assert!(paths.iter().all(|p| p.is_file()) && paths[0] != paths[1] && paths[1] != paths[2]);
+        // A file that another window writes at the same time gets the next name.
+        let before = std::fs::read(&paths[0]).unwrap();
+        let threads: Vec<_> = (0..4)
+            .map(|_| {
+                std::thread::spawn({
+                    let (frame, folder) = (frame.clone(), folder.clone());
+                    move || (0..8).map(|_| save(&frame, &folder).unwrap()).collect::<Vec<_>>()
+                })
+            })
+            .collect();
+        let saved: std::collections::BTreeSet<_> = threads.into_iter().flat_map(|t| t.join().unwrap()).collect();
+        assert!(saved.len() == 32 && saved.iter().all(|p| std::fs::read(p).unwrap() == before));
+        // What fails leaves nothing.
+        assert!(save(&Frame::default(), &folder).is_err());
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 35);
         std::fs::write(dir.path().join("file"), "x").unwrap();
         assert_eq!(save(&frame, &dir.path().join("file")).unwrap_err().kind as u8, 5);
     }
