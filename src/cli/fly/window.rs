@@ -35,7 +35,7 @@ pub(crate) fn fly(
     }
     let scene = scene(program, args, global, Screen::Window)?;
     let overlays = overlays(program, args, &scene)?;
-    let guides = scene.guides.clone();
+    let guides = scene.guides;
     let timings = Arc::new(Mutex::new(Timings::default()));
     let flown = Rc::new(Cell::new(false));
     let first = opening(program, args, global, false, &timings, Rc::clone(&flown))?;
