@@ -117,6 +117,11 @@ fn flies_itself(c: &FlightController) -> std::result::Result<(), WhyNot> {
     if c.flight().setup().scene.play().is_some() { Err("a log is replayed".into()) } else { c.may_fly() }
 }
 
+/// Refuses what only a flight can follow, in a scan that is looked at without one.
+fn has_flight(c: &FlightController) -> std::result::Result<(), WhyNot> {
+    c.may_fly()
+}
+
 fn has_both_scans(c: &FlightController) -> std::result::Result<(), WhyNot> {
     c.cleansing().may_switch().map_err(Into::into)
 }
@@ -182,7 +187,7 @@ const fn once(
 
 /// Every action except those of guides and overlays, in the order of the help. Keys are separated by spaces.
 const TABLE: &[Row] = &[
-    once("pause", "pause, resume", "Space", FlightController::switch_pause),
+    Row { possible: has_flight, ..once("pause", "pause, resume", "Space", FlightController::switch_pause) },
     hold("forward", "fly forward", "fly forward, back", "W Up", Hold::Forward),
     hold("back", "fly back", "fly forward, back", "S Down", Hold::Back),
     hold("left", "fly left", "fly left, right", "A", Hold::Left),
@@ -202,26 +207,33 @@ const TABLE: &[Row] = &[
         shifted: "{ Ctrl+=",
         gesture: "Ctrl+wheel",
         repeats: true,
+        possible: has_flight,
         ..once("narrower", "narrower view angle", "[ Ctrl++", |c, _| c.zoom(1.0))
     },
     Row {
         row: "view angle: narrower, wider",
         shifted: "} Ctrl+_",
         repeats: true,
+        possible: has_flight,
         ..once("wider", "wider view angle", "] Ctrl+-", |c, _| c.zoom(-1.0))
     },
-    once("usual-angle", "reset the view angle", "0 Ctrl+0", FlightController::usual_angle),
+    Row {
+        possible: has_flight,
+        ..once("usual-angle", "reset the view angle", "0 Ctrl+0", FlightController::usual_angle)
+    },
     Row {
         row: "faster, slower",
         shifted: "=",
         gesture: "wheel",
         repeats: true,
+        possible: has_flight,
         ..once("faster", "faster", "+", |c, _| c.change_speed_by(1.0))
     },
     Row {
         row: "faster, slower",
         shifted: "_",
         repeats: true,
+        possible: has_flight,
         ..once("slower", "slower", "-", |c, _| c.change_speed_by(-1.0))
     },
     Row {
@@ -247,8 +259,8 @@ const TABLE: &[Row] = &[
         ..ROW
     },
     once("figures", "figures: time of a picture, clearance, detail", "", FlightController::switch_figures),
-    once("detail", "detail: high or low", "I", FlightController::switch_detail),
-    once("light", "light: endoscope or headlight", "L", FlightController::switch_light),
+    Row { possible: has_flight, ..once("detail", "detail: high or low", "I", FlightController::switch_detail) },
+    Row { possible: has_flight, ..once("light", "light: endoscope or headlight", "L", FlightController::switch_light) },
     Row { possible: has_both_scans, ..once("tag", "tag: taken out, or as scanned", "X", FlightController::switch_tag) },
     greys("window-colon", "window for the colon", "Ctrl+1", |c, _| c.window(0.0, 2000.0)),
     greys("window-soft", "window for soft tissue", "Ctrl+2", |c, _| c.window(40.0, 400.0)),
@@ -333,7 +345,10 @@ const TABLE: &[Row] = &[
     once("undo", "undo the last change to distances, answers or kinds", "Ctrl+Z", FlightController::undo),
     once("delete-last", "delete the last distance", "Delete", FlightController::delete_last_measure),
     once("screenshot", "screenshot of all views", "Ctrl+S", FlightController::order_photograph),
-    once("picture", "picture of the flight alone, and its pose", "F12", FlightController::take_screenshot),
+    Row {
+        possible: has_flight,
+        ..once("picture", "picture of the flight alone, and its pose", "F12", FlightController::take_screenshot)
+    },
     Row { effect: Effect::Window(WindowRequest::Fullscreen), ..once("fullscreen", "full screen", "F11", |_, _| {}) },
     Row {
         shifted: "?",
@@ -396,7 +411,7 @@ const LAYOUTS_AFTER: &str = "fullscreen";
 const LAYOUT_ROW: &str = "panels: flight alone, reading, slices, across the path";
 
 /// The entry of a menu that stands for all actions of other crates.
-const OWN: &str = "";
+pub(crate) const OWN: &str = "";
 
 /// The menus: actions by their ids. An id that ends in `-` includes all ids with that prefix.
 pub(crate) const MENUS: &[(&str, &[&str])] = &[

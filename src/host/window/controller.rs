@@ -2,6 +2,7 @@
 
 mod assisting;
 mod commanding;
+mod faults;
 mod history;
 mod looking;
 mod pointing;
@@ -49,7 +50,7 @@ use crate::components::output::Picture;
 use crate::components::slices::Orientation;
 use crate::components::trail::Trail;
 use crate::dynamics::Attitude;
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, Result};
 use crate::host::frames::FrameStats;
 use crate::host::headless;
 use crate::output;
@@ -135,6 +136,8 @@ pub(crate) struct FlightController {
     attention: bool,
     /// Why the scan cannot be flown.
     unflown: Option<String>,
+    /// Why there is no picture, while the scene makes none.
+    pictureless: Option<String>,
     /// Where a flight of such a scan was asked for, world mm.
     start_at: Option<DVec3>,
     /// True if a screenshot of all views was asked for.
@@ -211,6 +214,7 @@ impl FlightController {
             scale: 1.0,
             attention: false,
             unflown: None,
+            pictureless: None,
             start_at: None,
             is_photograph_due: false,
             screenshots: None,
@@ -272,7 +276,9 @@ impl FlightController {
         let is_pending = self.framebuffer().is_some_and(|mut f| f.show_without_flight());
         let is_empty = is_rendered && self.flight.camera::<Picture>().is_some_and(|p| !p.traced);
         if (is_pending || is_empty) && self.flight.setup().scene.picture {
-            self.report_fault(&headless::without_image(&self.flight, "window", "show"), Instant::now());
+            self.miss_picture(&headless::without_image(&self.flight, "window", "show"), Instant::now());
+        } else if is_rendered {
+            self.pictureless = None;
         }
         let (presented, refused) =
             self.framebuffer().map_or((None, None), |mut f| (f.take_presented(), f.take_refused()));
@@ -293,36 +299,6 @@ impl FlightController {
     pub(crate) fn framebuffer(&mut self) -> Option<Mut<'_, Framebuffer>> {
         let camera = self.flight.app().camera_id();
         present::presenter(self.flight.app_mut(), camera)
-    }
-
-    /// Recovers from a panic of a plug-in: reports it and continues without the plug-in.
-    ///
-    /// # Errors
-    /// Returns any other error.
-    fn recover(&mut self, e: Error, now: Instant) -> Result<()> {
-        if e.kind != Kind::Fault {
-            return Err(e);
-        }
-        self.report_fault(&e, now);
-        let guide = self.flight.setup().scene.guide_name();
-        if self.flight.app().inspect().is_off(guide) {
-            let by_hand = self.flight.setup().scene.guides.iter().find(|g| !g.automatic).map(|g| g.name);
-            if let Some(by_hand) = by_hand {
-                self.flight.act(FlightCommand::Guide(by_hand.to_owned()))?;
-            }
-        }
-        Ok(())
-    }
-
-    fn report_fault(&mut self, e: &Error, now: Instant) {
-        let text = format!("{}: {}; continuing without it", e.what, e.why);
-        // An error that recurs in every step is printed once.
-        if self.reported.insert(text.clone()) {
-            output::to_stderr(format_args!("note: {text}"));
-        }
-        self.message = Some((text, now + FAULT_MESSAGE));
-        self.attention = true;
-        self.quiet = 0;
     }
 
     /// Shows a message for a moment.
@@ -518,7 +494,7 @@ impl FlightController {
     /// True if the state that an action switches is on, for its button.
     pub(crate) fn is_on(&self, id: &str) -> bool {
         match id {
-            "pause" => self.hand().paused,
+            "pause" => self.unflown.is_none() && self.hand().paused,
             "measure" => self.measures.is_on(),
             "figures" => self.figures.are_all(),
             "measure-lesion" => self.measures_lesions(),
@@ -853,7 +829,7 @@ impl FlightController {
                     format!("{:.0} of about {:.0} mm", (along / 10.0).round() * 10.0, (length / 10.0).round() * 10.0);
                 self.figures.part().map_or(mm.clone(), |part| format!("{part}, {mm}"))
             }),
-            message: self.message.as_ref().map(|m| m.0.clone()),
+            message: self.message.as_ref().map(|m| &m.0).or(self.pictureless.as_ref()).cloned(),
             keys: self.actions.short_help(),
             marks_drawn,
         }

@@ -134,6 +134,40 @@ fn a_still_scene_is_refined_and_then_left_alone() {
 }
 
 #[test]
+fn a_scene_that_makes_no_picture_is_left_alone_and_told_once() {
+    use bevy_ecs::prelude::Single;
+    use bevy_ecs::query::With;
+
+    use crate::schedule::{App, FlightSystems, Main, Slot};
+    type Plug = fn(&mut App) -> Result<()>;
+    let fills: Plug = |app| app.fill(Slot::Renderer, "dark room");
+    let silences: Plug = |app| {
+        app.add_systems(FlightSystems::PostProcess, |mut p: Single<&mut Picture, With<Main>>| p.traced = false);
+        Ok(())
+    };
+    for plug in [fills, silences] {
+        let flight = flight_with("manual", DVec3::new(16.0, 8.0, 16.0), |scene| {
+            *scene = scene.clone().plug(("bad", plug)).unwrap();
+        });
+        let (mut c, mut now) = (cockpit_of(flight, 0.0, Vec::new()), Instant::now());
+        let told = |c: &mut FlightController, now| c.hud(now).message.unwrap_or_default();
+        fly(&mut c, &mut now, 80);
+        assert!(told(&mut c, now).contains("there is no image to show"));
+        now += FAULT_MESSAGE;
+        c.hud(now);
+        fly(&mut c, &mut now, 1);
+        now += Duration::from_secs(1);
+        // It stays on display, and wakes nothing.
+        assert!(told(&mut c, now).contains("there is no image to show"));
+        assert!(c.rests() && c.next().is_none(), "{:?}", c.next());
+        assert_eq!((fly(&mut c, &mut now, 20), c.next()), (0, None));
+        // Another message takes its place for a moment.
+        c.say("a word", now);
+        assert_eq!(told(&mut c, now), "a word");
+    }
+}
+
+#[test]
 fn a_slow_machine_flies_slower_and_does_not_fall_behind() {
     let (mut c, now) = (controller("tentacles"), Instant::now());
     c.advance(now).unwrap();

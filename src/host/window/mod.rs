@@ -252,6 +252,13 @@ pub(crate) enum Resume {
     Never,
 }
 
+impl Resume {
+    /// True if answers, distances and the place are stored for the next time.
+    fn keeps(self) -> bool {
+        self != Self::Never
+    }
+}
+
 /// Opens a window and flies until it is closed.
 ///
 /// # Errors

@@ -89,6 +89,7 @@ impl Action {
             self.switch_off(&why);
             requests = Requests::default();
         }
+        requests.refuse_from(0, context.actions, &format!("action {}", self.id));
         Some(requests.take())
     }
 

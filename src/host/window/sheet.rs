@@ -5,6 +5,7 @@ use egui::{Align, Key, Modal, RichText, ScrollArea, TextEdit, Ui, vec2};
 
 use super::Asked;
 use super::actions::Group;
+use super::keys::Chord;
 use super::overlay::{SOFT, Severity};
 use super::panels::{Context, Requests};
 
@@ -14,6 +15,9 @@ const COLUMN: f32 = 380.0;
 const KEYS: f32 = 170.0;
 /// Share of the window's width and height that the list of keys may take.
 const SHARE: f32 = 0.92;
+
+/// The keys that press the welcome's button.
+const BEGIN: [&str; 2] = ["Enter", "Space"];
 
 /// What covers the window until it is closed.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -36,6 +40,8 @@ pub(crate) enum Sheet {
     Quit {
         /// What is.
         why: String,
+        /// True if answers, distances and the place are stored for the next time.
+        keeps: bool,
     },
 }
 
@@ -58,13 +64,18 @@ impl Sheet {
         Self::Keys { search: String::new(), is_open: false }
     }
 
+    /// True if a key does nothing but close the sheet.
+    pub(crate) fn is_closed_by(&self, key: &Chord) -> bool {
+        *self == Self::Welcome && BEGIN.iter().any(|k| k.parse().is_ok_and(|k: Chord| k == *key))
+    }
+
     /// Lays the sheet out over everything else.
     pub(crate) fn ui(&mut self, context: &Context<'_>, ui: &Ui, requests: &mut Requests) -> Answer {
         match self {
             Self::Keys { search, is_open } => keys(context, ui, requests, search, is_open),
             Self::Welcome => welcome(context, ui),
             Self::Open { asked } => open(ui, asked),
-            Self::Quit { why } => quit(ui, why),
+            Self::Quit { why, keeps } => quit(ui, why, *keeps),
         }
     }
 }
@@ -220,13 +231,19 @@ fn open(ui: &Ui, asked: &Asked) -> Answer {
     if modal.should_close() { Answer::Close } else { answer }
 }
 
-fn quit(ui: &Ui, why: &str) -> Answer {
+fn quit(ui: &Ui, why: &str, keeps: bool) -> Answer {
     let mut answer = Answer::Stay;
     let modal = Modal::new(egui::Id::new("quit")).show(ui.ctx(), |ui| {
         ui.set_width(320.0);
         ui.heading("Quit?");
         ui.label(why);
-        ui.label(RichText::new("Answers, distances and the place are kept.").color(SOFT));
+        match keeps {
+            true => ui.label(RichText::new("Answers, distances and the place are kept.").color(SOFT)),
+            false => {
+                let told = "Nothing of this flight is kept: answers, distances and the place are lost.";
+                ui.label(RichText::new(told).color(Severity::Notice.colour()))
+            }
+        };
         ui.add_space(8.0);
         ui.horizontal(|ui| {
             let go_on = ui.button("Go on");
@@ -251,6 +268,13 @@ mod tests {
         let row =
             |(keys, text): &(&str, &str)| HelpRow { keys: (*keys).to_owned(), text: (*text).to_owned(), id: None };
         Group { title: title.to_owned(), rows: rows.iter().map(row).collect() }
+    }
+
+    #[test]
+    fn the_keys_of_the_welcome_do_nothing_else() {
+        let closes = |sheet: &Sheet, key: &str| sheet.is_closed_by(&key.parse().unwrap());
+        assert!(closes(&Sheet::Welcome, "Enter") && closes(&Sheet::Welcome, "Space"));
+        assert!(!closes(&Sheet::Welcome, "R") && !closes(&Sheet::keys(), "Enter"));
     }
 
     #[test]

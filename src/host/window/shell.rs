@@ -459,6 +459,7 @@ impl Shell {
         };
         if pressed && !is_of_sheet(action) {
             match self.sheet {
+                Some(ref sheet) if sheet.is_closed_by(&chord) => return self.close_sheet(),
                 // Whoever knows the keys needs no welcome.
                 Some(Sheet::Welcome) => self.close_sheet(),
                 Some(_) => return,
@@ -641,7 +642,7 @@ impl Shell {
                 }
                 Request::Action(id) => match Rc::clone(&self.actions).named(&id) {
                     Some(action) if action.is_performed() => self.run(action, now, events),
-                    found => refuse_action(&id, found.is_some()),
+                    found => refuse_action(&id, found.is_some(), None),
                 },
             }
         }
@@ -650,14 +651,15 @@ impl Shell {
     /// Performs an action once.
     fn run(&mut self, action: &Action, now: Instant, events: &ActiveEventLoop) {
         let moment = self.moment(now);
-        if let (Effect::Window(_), Stage::Flying(c)) = (action.effect, &mut self.stage)
-            && c.refuse(action, now)
-        {
-            self.touched = true;
-            return;
-        }
         match (action.effect, &mut self.stage) {
-            (Effect::Window(request), _) => self.run_window(request, events),
+            (Effect::Window(request), stage) => {
+                let is_refused = if let Stage::Flying(c) = stage { c.refuse(action, now) } else { false };
+                if is_refused {
+                    self.touched = true;
+                } else {
+                    self.run_window(request, events);
+                }
+            }
             (Effect::Once(_) | Effect::HandTo(_) | Effect::Overlay(_), Stage::Flying(c)) => {
                 c.perform(action, moment);
                 self.photograph(now);
@@ -722,7 +724,10 @@ impl Shell {
         match request {
             WindowRequest::Quit => match &self.stage {
                 Stage::Flying(c) if !matches!(self.sheet, Some(Sheet::Quit { .. })) => match c.unfinished() {
-                    Some(why) => self.sheet = Some(Sheet::Quit { why }),
+                    Some(why) => {
+                        let keeps = self.scan.is_some() && self.resume.keeps();
+                        self.sheet = Some(Sheet::Quit { why, keeps });
+                    }
                     None => self.quit(events),
                 },
                 _ => self.quit(events),
@@ -731,7 +736,7 @@ impl Shell {
             WindowRequest::Help => match &self.sheet {
                 Some(Sheet::Keys { .. }) => self.close_sheet(),
                 _ => {
-                    // The layout may have been changed.
+                    // The keyboard's layout may have changed since.
                     self.name_keys();
                     self.sheet = Some(Sheet::keys());
                 }

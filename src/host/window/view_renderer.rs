@@ -86,6 +86,8 @@ pub(crate) struct ViewRenderer {
     present_ms: f64,
     /// True if no picture of the flight is shown, so that it is not refined.
     hidden: bool,
+    /// True if the scene has made none when it was asked for one last.
+    empty: bool,
 }
 
 impl ViewRenderer {
@@ -104,6 +106,7 @@ impl ViewRenderer {
             waiting: None,
             present_ms: 0.0,
             hidden: false,
+            empty: false,
         })
     }
 
@@ -137,7 +140,10 @@ impl ViewRenderer {
     /// True if a still image will be refined, or rendered again with other settings.
     pub(crate) fn is_refining(&self, flight: &FlightApp) -> bool {
         let made = flight.camera::<FrameCache>().zip(flight.camera::<Picture>());
-        !self.hidden && self.shown.is_some() && made.is_some_and(|(cache, picture)| cache.is_unfinished(picture))
+        !self.hidden
+            && !self.empty
+            && self.shown.is_some()
+            && made.is_some_and(|(cache, picture)| cache.is_unfinished(picture))
     }
 
     /// Requests that the image of a window of the given size is saved: the displayed one once it is complete, or, if the camera
@@ -236,6 +242,7 @@ impl ViewRenderer {
         if due.stays {
             return;
         }
+        self.empty = flight.camera::<Picture>().is_some_and(|p| !p.traced);
         let ms = ms.unwrap_or_else(|| due.begun.elapsed().as_secs_f64() * 1e3);
         if let Some(w) = flight.camera::<Picture>().map(|p| p.work) {
             if cost(&w) > 0 {

@@ -10,7 +10,7 @@ use egui::{Align, MenuBar, RichText, Ui, UiBuilder, WidgetText};
 use egui_tiles::{Behavior, Container, LinearDir, SimplificationOptions, Tile, TileId, Tiles, Tree, UiResponse};
 use serde::{Deserialize, Serialize};
 
-use super::actions::{Effect, MENUS, WindowRequest};
+use super::actions::{Effect, MENUS, OWN, WindowRequest};
 use super::folders::{self, Folder};
 use super::overlay::{DISCLAIMER, SOFT, Severity};
 use super::panels::{Context, Panel, PanelEntry, Request, Requests, slices};
@@ -498,7 +498,13 @@ impl Workspace {
         MenuBar::new().ui(ui, |ui| {
             for (title, entries) in MENUS {
                 ui.menu_button(*title, |ui| {
-                    for action in entries.iter().flat_map(|e| context.actions.of_menu(e)) {
+                    let mut is_apart = false;
+                    for (entry, action) in entries.iter().flat_map(|e| context.actions.of_menu(e).map(move |a| (e, a)))
+                    {
+                        // Those of other crates stand apart.
+                        if *entry == OWN && !std::mem::replace(&mut is_apart, true) {
+                            ui.separator();
+                        }
                         let button = egui::Button::new(action.title()).shortcut_text(action.key_text());
                         let button = button.selected(self.is_on(action.effect));
                         let why_not = context.why_not(action);
@@ -604,9 +610,11 @@ impl Behavior<String> for Tiling<'_, '_> {
         own.set_clip_rect(rect.intersect(ui.clip_rect()));
         let (context, requests) = (self.context, &mut *self.requests);
         let (layer, begun) = (own.layer_id(), own.painter().add(egui::Shape::Noop));
+        let asked = requests.count();
         let laid_out = panics::catch(|| {
             shown.panel.ui(context, &mut own, requests);
         });
+        requests.refuse_from(asked, context.actions, &format!("panel {}", shown.entry.name));
         if hide_absurd(own.ctx(), layer, begun) {
             let what = "draws shapes without a reasonable size: they are not shown";
             note(format!("panel {}", shown.entry.name), what);

@@ -146,6 +146,23 @@ mod tests {
     }
 
     #[test]
+    fn what_only_a_flight_follows_is_refused_without_one() {
+        let (mut c, now) = (without_colon(), Instant::now());
+        let actions = Rc::clone(&c.actions);
+        let ids = "pause reverse whole next faster slower narrower wider usual-angle detail light guide picture";
+        for id in ids.split(' ') {
+            let action = actions.named(id).unwrap();
+            assert!(c.refuse(action, now), "{id}");
+            assert!(c.hud(now).message.unwrap().ends_with(": not while there is no flight"), "{id}");
+        }
+        assert!(!c.is_on("pause"), "nothing is paused");
+        for id in ["open", "help", "screenshot", "quit", "window-soft"] {
+            let why_not = actions.named(id).unwrap().why_not(&c);
+            assert!(why_not.is_none_or(|w| !w.contains("no flight")), "{id}");
+        }
+    }
+
+    #[test]
     fn a_double_click_that_leads_nowhere_is_told() {
         let (mut c, now) = (controller("tentacles"), Instant::now());
         let told = |c: &mut FlightController, place: [f64; 3]| {

@@ -191,7 +191,8 @@ impl<'a> Context<'a> {
     /// not possible, or if there is none of that id, which the window also tells once. `colvis explain` lists all ids.
     pub fn button(&self, ui: &mut Ui, text: &str, id: &str, requests: &mut Requests) {
         let Some(action) = self.actions.named(id) else {
-            refuse_action(id, false);
+            // It is refused after the layout of the panel, which is named then.
+            requests.action(id);
             ui.add_enabled(false, egui::Button::new(text)).on_disabled_hover_text(format!("there is no action {id:?}"));
             return;
         };
@@ -203,11 +204,12 @@ impl<'a> Context<'a> {
     }
 }
 
-/// Tells once why an action that was asked for is not performed: no action has that id, or it `is_there`, but only for a held key.
-pub(super) fn refuse_action(id: &str, is_there: bool) {
+/// Tells once why an action that `asker` asked for is not performed: no action has that id, or it `is_there`, but only for a held key.
+pub(super) fn refuse_action(id: &str, is_there: bool, asker: Option<&str>) {
+    let by = asker.map_or_else(String::new, |who| format!(": {who} asks for it"));
     let why = match is_there {
-        true => "is asked for, but it works by its key alone; send a command instead".to_owned(),
-        false => format!("is asked for, but there is none; {} explain lists them", program_name()),
+        true => format!("is asked for, but it works by its key alone{by}; send a command instead"),
+        false => format!("is asked for, but there is none{by}; {} explain lists them", program_name()),
     };
     note(format!("action {id:?}"), why);
 }
@@ -337,6 +339,27 @@ impl Requests {
         self.list.push(request);
     }
 
+    /// Returns how many there are.
+    pub(super) fn count(&self) -> usize {
+        self.list.len()
+    }
+
+    /// Removes those of the actions asked for from request `first` on that are not performed, and tells why, and that `asker` wants
+    /// them.
+    pub(super) fn refuse_from(&mut self, first: usize, actions: &Actions, asker: &str) {
+        let mut n = 0;
+        self.list.retain(|request| {
+            n += 1;
+            let Request::Action(id) = request else { return true };
+            let found = actions.named(id);
+            let is_refused = n > first && !found.is_some_and(Action::is_performed);
+            if is_refused {
+                refuse_action(id, found.is_some(), Some(asker));
+            }
+            !is_refused
+        });
+    }
+
     /// Adds a request to the flight.
     pub(super) fn fly(&mut self, request: FlightInput) {
         self.ask(Request::Flight(request));
@@ -423,6 +446,32 @@ impl Requests {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_action_that_is_not_there_is_told_with_the_panel_that_wants_it() {
+        let mut c = super::super::controller::tests::controller("tentacles");
+        let guides = &c.flight().setup().scene.guides;
+        let actions = Actions::new(guides, &[], BUILT_IN, &Default::default()).unwrap();
+        let mut requests = Requests::default();
+        requests.action("elsewhere");
+        let first = requests.count();
+        for id in ["pause", "jump", "forward", "seek"] {
+            requests.action(id);
+        }
+        requests.refuse_from(first, &actions, "panel bad");
+        let notes = c.flight_mut().take_notes();
+        let held = "is asked for, but it works by its key alone: panel bad asks for it; ";
+        for (n, (id, why)) in
+            [("jump", "is asked for, but there is none: panel bad asks for it; "), ("forward", held), ("seek", held)]
+                .into_iter()
+                .enumerate()
+        {
+            assert!(notes[n].starts_with(&format!("action {id:?} {why}")), "{notes:?}");
+        }
+        assert_eq!(notes.len(), 3);
+        let left = ["elsewhere", "pause"].map(|id| Request::Action(id.to_owned()));
+        assert_eq!(requests.take(), left);
+    }
 
     #[test]
     fn requests_are_taken_once_and_in_their_order() {

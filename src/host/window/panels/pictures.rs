@@ -320,7 +320,8 @@ fn every_layout_looks_as_it_did() {
     for (name, mut sheet) in [
         ("help", Sheet::keys()),
         ("welcome", Sheet::Welcome),
-        ("quit", Sheet::Quit { why: "Nothing is finished.".to_owned() }),
+        ("quit", Sheet::Quit { why: "Nothing is finished.".to_owned(), keeps: true }),
+        ("quit-unkept", Sheet::Quit { why: "Nothing is finished.".to_owned(), keeps: false }),
     ] {
         let picture = stage.picture(|context, ui, requests| {
             workspace.ui(context, ui, requests);

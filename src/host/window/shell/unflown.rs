@@ -56,7 +56,7 @@ impl Shell {
             Ok(loading) => self.stage = Stage::Loading(loading),
             Err(e) => return self.fail(e, events),
         }
-        if self.resume != Resume::Never {
+        if self.resume.keeps() {
             self.resume = Resume::Nothing;
         }
         self.forget_pictures();
