@@ -234,19 +234,25 @@ pub(crate) fn flight(p: &Painter, area: Rect, r: &HudState, is_headed: bool) {
     // The foot: the keys, the mandatory disclaimer, and the path's progress bar.
     let row = p.layout_no_wrap(DISCLAIMER.to_owned(), font(TEXT), SOFT).size();
     let fits_beside = inner.width() > row.x * 2.0;
-    let rows = 1.0 + f32::from(u8::from(roomy)) + f32::from(u8::from(!fits_beside && !is_headed));
+    // What is left to read may be long: it is wrapped, and beside the disclaimer.
+    let beside = if fits_beside && !is_headed { row.x + MARGIN } else { 0.0 };
+    let place = p.layout(r.place.clone(), font(TEXT), INK, inner.width() - beside);
+    let below = place.rows.len().saturating_sub(1) as f32;
+    let rows = 1.0 + below + f32::from(u8::from(roomy)) + f32::from(u8::from(!fits_beside && !is_headed));
     let track = track(area);
     let foot = track.min.y - 4.0 - rows * row.y;
     p.rect_filled(Rect::from_min_max(pos2(area.min.x, foot - 4.0), area.max), 0.0, BACKING);
     along(p, track, &r.bar);
     let low = track.min.y - 3.0;
-    text(p, pos2(inner.min.x, low), Align2::LEFT_BOTTOM, &r.place, TEXT, INK);
+    for (n, line) in place.rows.iter().rev().enumerate() {
+        text(p, pos2(inner.min.x, low - n as f32 * row.y), Align2::LEFT_BOTTOM, line.text().trim_end(), TEXT, INK);
+    }
     if is_headed {
         // It stands in the header.
     } else if fits_beside {
         text(p, pos2(inner.max.x, low), Align2::RIGHT_BOTTOM, DISCLAIMER, TEXT, SOFT);
     } else {
-        text(p, pos2(inner.min.x, low - row.y), Align2::LEFT_BOTTOM, DISCLAIMER, TEXT, SOFT);
+        text(p, pos2(inner.min.x, low - (1.0 + below) * row.y), Align2::LEFT_BOTTOM, DISCLAIMER, TEXT, SOFT);
     }
     if roomy {
         text(p, pos2(inner.min.x, foot), Align2::LEFT_TOP, &r.keys, TEXT, SOFT);
@@ -380,6 +386,23 @@ mod tests {
         for (line, above) in [(more, state), (figures, more)] {
             assert!((line.min - above.left_bottom()).length() < 1.0, "{line} below {above}");
         }
+    }
+
+    #[test]
+    fn a_long_place_is_wrapped_and_covers_nothing() {
+        let place = "cecum, 2050 of 2050 mm; not read: rectum, sigmoid, descending, splenic flexure (720 mm); sigmoid without \
+                     gas for 42 mm: read it in slices";
+        let shapes = drawn(&HudState { place: place.to_owned(), keys: "H keys".to_owned(), ..HudState::default() });
+        let (keys, told) = (of_text(&shapes, "H keys"), of_text(&shapes, DISCLAIMER));
+        let lines = ["cecum, 2050", "slices"].map(|part| {
+            let line = shapes.iter().find_map(|s| match s {
+                Shape::Text(t) if t.galley.text().contains(part) => Some(Rect::from_min_size(t.pos, t.galley.size())),
+                _ => None,
+            });
+            line.unwrap_or_else(|| panic!("no line with {part}"))
+        });
+        assert!(lines[0].max.y <= lines[1].min.y + 2.0 && lines[0].min.y >= keys.max.y - 2.0, "{lines:?} {keys}");
+        assert!(lines.iter().all(|l| l.min.x >= 0.0 && l.max.x <= told.min.x), "{lines:?} beside {told}");
     }
 
     #[test]

@@ -1,14 +1,14 @@
 //! The row of buttons for what a reader does all the time.
 
-use egui::{Align, Button, Label, Layout, RichText, Ui};
+use egui::{Align, Button, FontId, Label, Layout, RichText, TextStyle, Ui};
 use egui_phosphor::regular as icon;
 
 use super::actions::{Effect, WindowRequest};
 use super::overlay::SOFT;
 use super::panels::{Context, Requests};
 
-/// Below this width of the window the buttons have no names, points.
-const NAMED: f32 = 940.0;
+/// Width beside the buttons that is left for the state, the name of the scan and the choice of the layout, points.
+const STATE: f32 = 230.0;
 /// Size of icons, points.
 const ICON: f32 = 18.0;
 
@@ -38,7 +38,8 @@ const TOOLS: &[&[Tool]] = &[
 
 /// Lays the buttons out in a row, and the choice of the layout at its end.
 pub(crate) fn ui(context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
-    let is_named = ui.available_width() >= NAMED;
+    // Names are left out where the state would cover them.
+    let is_named = width_named(ui) + STATE <= ui.available_width();
     ui.horizontal(|ui| {
         for (n, group) in TOOLS.iter().enumerate() {
             if n > 0 {
@@ -67,6 +68,19 @@ pub(crate) fn ui(context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
     });
 }
 
+/// Returns the width of all buttons with their names, points.
+fn width_named(ui: &Ui) -> f32 {
+    let (space, style) = (ui.spacing(), TextStyle::Button.resolve(ui.style()));
+    let width = |text: &str, font: FontId| ui.painter().layout_no_wrap(text.to_owned(), font, SOFT).size().x;
+    let tool = |&(icon, name, _): &Tool| {
+        let icon = width(icon, FontId::new(ICON, style.family.clone()));
+        let name = if name.is_empty() { 0.0 } else { space.icon_spacing + width(name, style.clone()) };
+        icon + name + 2.0 * space.button_padding.x + space.item_spacing.x
+    };
+    let separators = TOOLS.len().saturating_sub(1) as f32 * (6.0 + space.item_spacing.x);
+    TOOLS.iter().copied().flatten().map(tool).sum::<f32>() + separators
+}
+
 fn button(context: &Context<'_>, ui: &mut Ui, requests: &mut Requests, &(icon, name, id): &Tool, is_named: bool) {
     let Some(action) = context.actions.named(id) else { return };
     let is_on = context.controller.is_on(id);
@@ -88,6 +102,29 @@ fn button(context: &Context<'_>, ui: &mut Ui, requests: &mut Requests, &(icon, n
 mod tests {
     use super::*;
     use crate::host::window::actions::{Actions, KeySettings};
+
+    #[test]
+    fn names_are_left_out_where_the_state_would_cover_them() {
+        let egui = crate::host::window::interface::Interface::new();
+        let mut widths = [0.0; 2];
+        let _ = egui.egui().run_ui(egui::RawInput::default(), |ui| {
+            let named = width_named(ui);
+            let shown = ui.horizontal(|ui| {
+                for (n, group) in TOOLS.iter().enumerate() {
+                    if n > 0 {
+                        ui.separator();
+                    }
+                    for &(icon, name, _) in *group {
+                        let icon = RichText::new(icon).size(ICON);
+                        ui.add(if name.is_empty() { Button::new(icon) } else { Button::new((icon, name)) });
+                    }
+                }
+            });
+            widths = [named, shown.response.rect.width()];
+        });
+        // The last one has no space after it.
+        assert!((widths[0] - widths[1]).abs() < 20.0 && widths[0] >= widths[1], "{widths:?}");
+    }
 
     #[test]
     fn every_button_is_that_of_an_action() {
