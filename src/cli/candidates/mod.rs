@@ -110,18 +110,36 @@ fn check_outputs(args: &CandidatesArgs) -> Result<()> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(in crate::cli) mod tests {
+    use serde_json::Value;
+
     use super::*;
     use crate::cli::args::Command;
     use crate::phantom::{Phantom, PhantomSettings, Size};
     use crate::report::candidates::found_by;
+    use crate::volume::Volume;
     use crate::volume::io::{self, LoadOptions};
+
+    /// Writes a scan to a file, and the list of its candidates with `colvis candidates --out`. Returns the options, the scan as the file
+    /// has it, and the list.
+    pub(crate) fn written(scan: &Volume, options: &[&str], progress: &Progress) -> (Global, Volume, Vec<Value>) {
+        let dir = tempfile::tempdir().unwrap();
+        let [path, list] = ["scan.nii", "list.json"].map(|n| dir.path().join(n).to_string_lossy().into_owned());
+        io::save(Path::new(&path), scan, progress).unwrap();
+        let program = Program::default();
+        let args = program.parse(["colvis", "candidates", &path, "--out", &list].iter().chain(options)).unwrap();
+        let Some(Command::Candidates(candidates)) = args.command else { panic!("{:?}", args.command) };
+        run(&program, &candidates, &args.global, progress).unwrap();
+        let mut listed: Value = serde_json::from_str(&std::fs::read_to_string(&list).unwrap()).unwrap();
+        let Value::Array(listed) = listed["candidates"].take() else { panic!("a list") };
+        let scan = io::load(Path::new(&path), &LoadOptions::default(), progress).unwrap().volume;
+        (args.global, scan, listed)
+    }
 
     /// The report measures the same pipeline that the command runs.
     #[test]
     fn the_command_and_its_report_find_the_same_candidates() {
-        let (dir, progress) = (tempfile::tempdir().unwrap(), Progress::new());
-        let [scan, list] = ["scan.nii", "list.json"].map(|n| dir.path().join(n).to_string_lossy().into_owned());
+        let progress = Progress::new();
         let settings = PhantomSettings {
             size: Size::Small,
             lesions: true,
@@ -132,25 +150,17 @@ mod tests {
             ..PhantomSettings::default()
         };
         let phantom = Phantom::new(&settings);
-        io::save(Path::new(&scan), &phantom.voxelise(&phantom.grid(), &progress).unwrap(), &progress).unwrap();
-        let program = Program::default();
-        let line = ["colvis", "candidates", &scan, "--out", &list, "--wall=-800,-550"];
-        let args = program.parse(line).unwrap();
-        let Some(Command::Candidates(candidates)) = args.command else { panic!("{:?}", args.command) };
-        run(&program, &candidates, &args.global, &progress).unwrap();
-        let listed: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&list).unwrap()).unwrap();
-        let listed: Vec<(DVec3, f64)> = listed["candidates"]
-            .as_array()
-            .unwrap()
+        let scan = phantom.voxelise(&phantom.grid(), &progress).unwrap();
+        let (global, scan, listed) = written(&scan, &["--wall=-800,-550"], &progress);
+        let listed: Vec<(DVec3, f64)> = listed
             .iter()
             .map(|c| {
                 let position = serde_json::from_value(c["position"].clone()).unwrap();
                 (position, c["score"].as_f64().unwrap())
             })
             .collect();
-        let volume = io::load(Path::new(&scan), &LoadOptions::default(), &progress).unwrap().volume;
-        let transfer = prepare::transfer(&args.global).unwrap();
-        let mut found = found_by(&detectors::BUILT_IN[..1], volume, transfer, &progress).unwrap();
+        let transfer = prepare::transfer(&global).unwrap();
+        let mut found = found_by(&detectors::BUILT_IN[..1], scan, transfer, &progress).unwrap();
         let found: Vec<(DVec3, f64)> = found.remove(0).0.iter().map(|c| (c.position, c.score)).collect();
         assert!(found.len() > 5 && listed.len() == found.len(), "{} and {}", listed.len(), found.len());
         for (listed, found) in listed.iter().zip(&found) {

@@ -136,6 +136,11 @@ impl Keeping {
         unread
     }
 
+    /// True if what is made is stored: by this window, and on a system that has a folder for it.
+    pub(crate) fn keeps(&self) -> bool {
+        self.is_ours() && self.files.measures.is_some()
+    }
+
     /// True if this window keeps what is made.
     pub(crate) fn is_ours(&self) -> bool {
         matches!(self.hold, Hold::Ours(_))

@@ -35,6 +35,8 @@ pub(crate) struct Place {
     at: Option<AlongColon>,
     /// Stretches of the line that were flown, from and to, mm; apart and in order.
     read: Vec<[f64; 2]>,
+    /// How many views of the flight's trail are among them, and where the last one is, mm.
+    followed: (usize, Option<f64>),
     /// Length of the line that they are stretches of, mm.
     length_mm: f64,
     looked: Instant,
@@ -80,7 +82,7 @@ enum Known {
 
 impl Place {
     pub(crate) fn new(now: Instant) -> Self {
-        Self { flown: None, at: None, read: Vec::new(), length_mm: 0.0, looked: now }
+        Self { flown: None, at: None, read: Vec::new(), followed: (0, None), length_mm: 0.0, looked: now }
     }
 
     /// Looks where the camera is, if it is time. Starts the computation for a lumen that is new.
@@ -108,6 +110,7 @@ impl Place {
                     if (along.length_mm() - self.length_mm).abs() > TOUCHING_MM {
                         self.length_mm = along.length_mm();
                         self.read.clear();
+                        self.followed = (0, None);
                     }
                     read.into_iter().for_each(|stretch| add(&mut self.read, stretch));
                     Known::Yes(along)
@@ -115,14 +118,25 @@ impl Place {
                 Err(_) => Known::No,
             };
         }
-        let before = self.at;
-        self.at = match known {
-            Known::Yes(along) => along.of(flight.pose().position),
-            Known::Computing(_) | Known::No => None,
+        let Known::Yes(along) = known else {
+            self.at = None;
+            return;
         };
-        if let Some(at) = self.at {
-            go_on(&mut self.read, before.map(|b| b.mm), at.mm);
+        self.at = along.of(flight.pose().position);
+        let along = Arc::clone(along);
+        self.follow(flight, &along);
+    }
+
+    /// Adds what was flown since the last look. The trail has it all, however late the measure is known and however fast the flight is.
+    fn follow(&mut self, flight: &FlightApp, along: &Along) {
+        let views = flight.survey().trail().map_or(&[][..], Trail::views);
+        let (from, mut last) = self.followed;
+        let new = views.get(from..).unwrap_or_default().iter().filter_map(|v| along.of(v.0));
+        for mm in new.chain(self.at).map(|a| a.mm) {
+            go_on(&mut self.read, last, mm);
+            last = Some(mm);
         }
+        self.followed = (views.len(), last);
     }
 
     /// Returns the measure along the colon, if it is known from the rectum to the cecum and a log is not replayed, whose bar is that of

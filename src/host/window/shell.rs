@@ -725,7 +725,7 @@ impl Shell {
             WindowRequest::Quit => match &self.stage {
                 Stage::Flying(c) if !matches!(self.sheet, Some(Sheet::Quit { .. })) => match c.unfinished() {
                     Some(why) => {
-                        let keeps = self.scan.is_some() && self.resume.keeps();
+                        let keeps = self.keeping.as_ref().is_some_and(Keeping::keeps);
                         self.sheet = Some(Sheet::Quit { why, keeps });
                     }
                     None => self.quit(events),

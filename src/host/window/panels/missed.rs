@@ -45,8 +45,12 @@ impl Panel for MissedPanel {
         ui.label(format!("{:.1} % of the wall seen", 100.0 * coverage.share()));
         ui.horizontal_wrapped(|ui| {
             context.button(ui, "Next missed", "missed-next", requests);
-            let is_touring = context.flight.tour().is_some();
-            context.button(ui, if is_touring { "End the review" } else { "Review all" }, "review", requests);
+            let text = match (context.flight.tour(), seen.goes_to) {
+                (None, _) => "Review all",
+                (Some(_), None) => "End the review",
+                (Some(_), Some(_)) => "Stop on the way",
+            };
+            context.button(ui, text, "review", requests);
             if ui.button("List again").on_hover_text("the patches that are not seen until now").clicked() {
                 requests.ask(Request::Seen(SeenInput::List));
             }
@@ -95,17 +99,21 @@ impl MissedPanel {
                     let colour = if share > 0.5 { DONE } else { SOFT };
                     text(&p, at, Align2::LEFT_TOP, &format!("{:.0} % seen", 100.0 * share), TEXT, colour);
                 }
-                let place = patch.along.map_or_else(String::new, |along| along.text());
-                let place = match (patch.look_from, place.is_empty()) {
-                    (Some(_), _) => place,
-                    (None, true) => "too narrow to look at".to_owned(),
-                    (None, false) => format!("{place}, too narrow to look at"),
-                };
-                text(&p, head.left_bottom(), Align2::LEFT_TOP, &place, TEXT, SOFT);
+                text(&p, head.left_bottom(), Align2::LEFT_TOP, &place(patch), TEXT, SOFT);
                 if row.clicked() {
                     requests.ask(Request::Seen(SeenInput::Visit(n)));
                 }
             }
         });
+    }
+}
+
+/// Returns where a patch is along the colon, and whether a camera fits in front of it.
+pub(super) fn place(patch: &Missed) -> String {
+    let place = patch.along.map_or_else(String::new, |along| along.text());
+    match (patch.look_from, place.is_empty()) {
+        (Some(_), _) => place,
+        (None, true) => "too narrow to look at".to_owned(),
+        (None, false) => format!("{place}, too narrow to look at"),
     }
 }

@@ -7,6 +7,8 @@ pub mod flight;
 pub mod kinds;
 pub mod measures;
 pub mod missed;
+#[cfg(test)]
+mod numbers;
 pub mod open;
 #[cfg(test)]
 mod pictures;
