@@ -46,6 +46,7 @@ impl Light {
     pub const ENDOSCOPE: Self = Self { falloff: true, gloss: true, contact: true };
 
     /// Prepares a volume for this light, so that its first picture need not wait for that.
+    #[cfg(feature = "window")]
     pub(crate) fn prepare(self, volume: &PreparedVolume) {
         if self.contact {
             volume.surround();

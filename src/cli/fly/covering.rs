@@ -6,7 +6,9 @@ use glam::DVec3;
 use serde_json::{Map, Value, json};
 
 use super::flight_stats;
-use crate::app::{FlightApp, ReviewRounds, Setup, Survey, TourFlown};
+#[cfg(feature = "window")]
+use crate::app::Setup;
+use crate::app::{FlightApp, ReviewRounds, Survey, TourFlown};
 use crate::cli::args::{FlyArgs, Global};
 use crate::cli::prepare::{self, say};
 use crate::components::flight::State;
@@ -15,6 +17,7 @@ use crate::coverage::LiveCoverage;
 use crate::error::Result;
 use crate::output;
 use crate::polyps::answers::{Answer, Answers};
+#[cfg(feature = "window")]
 use crate::progress::Progress;
 use crate::render::CameraModel;
 
