@@ -280,6 +280,7 @@ mod tests {
         now += Duration::from_secs(2);
         assert!(second.take_over(&mut b, now).is_none() && second.next().is_some());
         first.close(a.flight());
+        drop(first);
         assert!(second.take_over(&mut b, now).is_none(), "not tried again at once");
         now += Duration::from_secs(2);
         assert!(matches!(second.take_over(&mut b, now), Some(Turn::TakenOver)));
@@ -290,6 +291,7 @@ mod tests {
         // The next one finds it locked in turn.
         assert!(!opened(dir.path(), now).is_ours());
         second.close(b.flight());
+        drop(second);
         assert!(opened(dir.path(), now).is_ours());
     }
 
@@ -304,6 +306,7 @@ mod tests {
         measure(&mut a, DVec3::X);
         measure(&mut a, DVec3::Z);
         first.close(a.flight());
+        drop(first);
         now += Duration::from_secs(2);
         assert!(matches!(second.take_over(&mut b, now), Some(Turn::Changed)));
         assert!(!second.is_ours() && second.next().is_none());
@@ -323,6 +326,7 @@ mod tests {
         let mut b = window(&mut second);
         measure(&mut b, DVec3::Y);
         first.close(a.flight());
+        drop(first);
         // A file where the folder of the distances would be.
         std::fs::write(dir.path().join("measures"), "").unwrap();
         now += Duration::from_secs(2);

@@ -363,6 +363,8 @@ impl Shell {
         // The wake-up may come from an earlier loading that was cancelled for this one.
         let Some(loaded) = loading.take() else { return Ok(()) };
         self.stage = Stage::Over;
+        // It was held while the same scan was opened in another way.
+        self.left = None;
         let Ready { mut flight, session, mut notes, unflown, is_whole, is_anew } = match loaded {
             Ok(ready) => ready,
             Err(e) if self.progress.is_cancelled() => return Err(e),
@@ -375,8 +377,6 @@ impl Shell {
             self.log = self.log_path.as_deref().map(Log::create).transpose()?;
         }
         let is_guided = flight.setup().scene.guide().is_some();
-        // It was held while the same scan was opened in another way.
-        self.left = None;
         if is_anew && self.resume == Resume::Everything {
             self.resume = Resume::Nothing;
         }

@@ -210,10 +210,11 @@ impl FlightController {
         }
         // On the tour, all gas is one.
         let (unsure, elsewhere) = (self.unsure_stops().len(), self.seen.stops(&self.flight).1);
+        let here = self.flight.setup().plan.segment;
         if self.act(FlightCommand::Review(stops), now) {
             self.seen.goes_to = None;
             self.seen.goes_on = true;
-            self.seen.reviewed.extend(self.flight.setup().plan.segment);
+            self.seen.reviewed.extend(here);
             self.set_off(now);
             let tour = self.flight.tour();
             let (count, mm) = tour.map_or((0, 0.0), |t| (t.stops.len(), t.route.length_mm()));
