@@ -313,7 +313,7 @@ fn a_screenshot_shows_all_views_and_lies_in_the_folder_for_pictures() {
     fs::write(folder.join("config/user-dirs.dirs"), named).unwrap();
     let mut window = screen.open_window(folder, &["fly", "--size", "640x480", "--layout", "reading"], flies);
     screen.key("space");
-    screen.key("F12");
+    screen.key("ctrl+s");
     let image = screen.saved(&shots.join("colvis-0001.png"));
     // All but the menus above, with the strip below.
     assert!(image.width() == SIZE.0 && (400..480).contains(&image.height()), "{:?}", image.dimensions());
@@ -323,7 +323,7 @@ fn a_screenshot_shows_all_views_and_lies_in_the_folder_for_pictures() {
     assert!(share(&image, is_bar) > 0.0 && shows(&image), "the flight and what is drawn over it");
     let slices = image::imageops::crop_imm(&image, 400, 0, 240, 200).to_image();
     assert!(share(&slices, |[r, g, b]| r == g && g == b && (90..180).contains(&r)) > 0.2, "a slice");
-    screen.key("ctrl+s");
+    screen.key("F12");
     screen.saved(&shots.join("colvis-0002.png"));
     let left: Vec<_> = fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name()).collect();
     assert!(left.iter().all(|name| !name.to_string_lossy().ends_with(".png")), "{left:?}");
@@ -400,42 +400,6 @@ fn a_kept_session_never_keeps_a_scan_from_being_opened() {
         assert_eq!(quit(played), "");
         assert_eq!(fs::read_to_string(&kept[0]).unwrap(), text);
     }
-}
-
-/// Two windows on one scan: the first keeps it, the second says so, and takes over once the first is gone, however it went.
-#[test]
-fn a_second_window_on_a_scan_keeps_nothing_until_the_first_is_gone() {
-    let Some(screen) = Screen::open() else { return };
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    let mut first = screen.fly(folder, "first.jsonl");
-    // The picture of the first may still be seen: the second flies once it logs.
-    let second = |log: &str| {
-        let running = screen.fly(folder, log);
-        let begun = Instant::now();
-        while fs::metadata(folder.join(log)).map_or(0, |m| m.len()) == 0 {
-            assert!(begun.elapsed() < PATIENCE, "it does not fly");
-            std::thread::sleep(Duration::from_millis(50));
-        }
-        running
-    };
-    let quit = |mut window: Running| {
-        let pid = window.0.id().to_string();
-        let found = screen.tool("xdotool", &["search", "--all", "--pid", &pid, "--name", "colvis"]);
-        let found = String::from_utf8(found).unwrap();
-        screen.tool("xdotool", &["windowfocus", "--sync", found.lines().next().unwrap()]);
-        screen.key("ctrl+q");
-        assert!(window.wait().success());
-    };
-    quit(second("second.jsonl"));
-    assert!(sessions(folder).is_empty(), "the first is open, and the second keeps nothing");
-    let third = second("third.jsonl");
-    // A crash gives the lock free.
-    first.0.kill().unwrap();
-    first.wait();
-    std::thread::sleep(Duration::from_secs(4));
-    quit(third);
-    assert_eq!(sessions(folder).len(), 1, "it has taken over");
 }
 
 /// The reading layout: slices follow the flight, a click in one stops it, and the layout persists.

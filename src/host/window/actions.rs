@@ -244,7 +244,7 @@ const TABLE: &[Row] = &[
     Row {
         effect: Effect::Window(WindowRequest::Whole),
         possible: flies_itself,
-        ..once("whole", "read the whole colon: one flight from the rectum, tag taken out", "J", |_, _| {})
+        ..once("whole", "read the whole colon: one flight from the rectum, tag taken out", "Ctrl+I", |_, _| {})
     },
     Row { possible: flies_itself, ..once("other-end", "start from the other end", "E", FlightController::other_end) },
     Row {
