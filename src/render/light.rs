@@ -9,11 +9,12 @@
 //!   [`HALF`] times the lumen's width around the camera ([`width`]);
 //! * gloss: `b ← b + 0.3 (n·r)¹²⁸ / (1 + (d/h)²)`, the Blinn-Phong highlight, whose half vector is the ray since light
 //!   and eye are in one place. Colours saturate towards white there;
-//! * contact: `b ← b max(0.3, 1 − Σ sₖ max(0, oₖ − f))`, with oₖ the mean opacity (0 to 1) around the place [`CONTACT_MM`] before the wall along
-//!   its normal, over cells a third larger than that distance, and f that of a flat wall ([`Surround`]). This is ambient occlusion by cones of which the
-//!   axis is sampled (Crassin et al., *Interactive indirect illumination using voxel cone tracing*, 2011). It darkens the
-//!   feet of folds, clefts, and the floor beneath an object, softly and from a distance; a flat wall keeps its brightness.
-//!   Packets of rays take the samples once per ray, at the mean place and normal of everything that the ray meets.
+//! * contact: `b ← b max(0.3, 1 − Σ sₖ max(0, oₖ − f))`, with oₖ the mean opacity (0 to 1) of cells ([`Surround`]) around the
+//!   place [`AHEAD`](crate::space::surround::AHEAD) cells before the wall along its normal, and f that of a flat wall. This
+//!   is ambient occlusion by cones of which the axis is sampled (Crassin et al., *Interactive indirect illumination using
+//!   voxel cone tracing*, 2011). It darkens the feet of folds, clefts, and the floor beneath an object, softly and from a
+//!   distance; a flat wall keeps its brightness. Packets of rays take the samples once per ray, at the mean place and
+//!   normal of everything that the ray meets.
 
 use glam::{DMat3, DVec3, Vec3};
 use serde::de::Error as _;
@@ -98,12 +99,10 @@ const HALF_MM: [f32; 2] = [45.0, 120.0];
 pub(crate) const GLOSS: f32 = 0.3;
 /// The highlight's exponent is 2 to this power.
 pub(crate) const GLOSS_DOUBLINGS: u32 = 7;
-/// Distances before the wall at which its surroundings are sampled, mm.
-pub(crate) const CONTACT_MM: [f32; LEVELS] = [3.0, 6.0];
 /// The shares by which opaque surroundings there darken the surface.
-pub(crate) const CONTACT: [f32; LEVELS] = [0.9, 0.6];
-/// The opacity that a flat wall itself contributes there: a quadratic B-spline's tail beyond three quarters of a cell.
-pub(crate) const FLAT: f32 = 0.07;
+pub(crate) const CONTACT: [f32; LEVELS] = [1.0, 0.7];
+/// The most that a flat wall itself contributes there.
+pub(crate) const FLAT: f32 = 0.01;
 /// The least brightness that contact leaves.
 pub(crate) const CONTACT_LEAST: f32 = 0.3;
 
@@ -206,9 +205,9 @@ impl<'a> Lighting<'a> {
         if let Some(surround) = self.surround.filter(|_| square > 1e-6) {
             let before = self.to_voxel.as_mat3() * (gradient / -square.sqrt());
             let mut open = 1.0;
-            for ((level, mm), share) in surround.levels().iter().zip(CONTACT_MM).zip(CONTACT) {
+            for (level, share) in surround.levels().iter().zip(CONTACT) {
                 let last = Vec3::from_array(level.means.grid().dims().map(|n| n as f32)) - BORDER;
-                let q = (level.scale * (q + before * mm) + level.offset).clamp(Vec3::ONE, last);
+                let q = (level.scale * (q + before * level.ahead_mm) + level.offset).clamp(Vec3::ONE, last);
                 open -= share * (trilinear(&level.means, q) * (1.0 / OPAQUE) - FLAT).max(0.0);
             }
             bright *= open.max(CONTACT_LEAST);
@@ -286,6 +285,29 @@ mod tests {
         assert!((CONTACT_LEAST..0.8).contains(&all[4]), "at the foot: {all:?}");
     }
 
+    /// A flat wall keeps its brightness wherever it lies among the cells: shadows have no texture of the cells' size.
+    #[test]
+    fn a_flat_wall_has_no_shadow_and_no_texture() {
+        for spacing in [0.68, 1.0, 1.5, 2.2] {
+            let grid = Grid::new([40; 3], DVec3::splat(spacing), DVec3::ZERO, DMat3::IDENTITY).unwrap();
+            let middle = 20.0 * spacing;
+            for n in 0..16 {
+                let wall = middle + 0.4 * f64::from(n);
+                let value = |n: usize| {
+                    let z = (n / 1600) as f64 * spacing;
+                    (1000.0 / (1.0 + (-2.0 * (z - wall)).exp()) - 1000.0) as i16
+                };
+                let volume = Volume::new(grid.clone(), (0..grid.len()).map(value).collect());
+                let volume = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
+                let camera = DVec3::new(middle, middle, wall - 10.0);
+                let contact = Lighting::new(Light { contact: true, ..Light::HEADLIGHT }, &volume, camera);
+                let q = grid.voxel(DVec3::new(middle, middle, wall)).as_vec3() + 1.0;
+                let share = contact.brightness(1.0, 10.0, Vec3::Z, q);
+                assert!((0.97..=1.0).contains(&share), "spacing {spacing}, wall at {wall}: {share}");
+            }
+        }
+    }
+
     /// The lumen's width is that of a ball and of a tube, nothing inside tissue, bounded in the open, and steady under small
     /// moves of the camera.
     #[test]
@@ -320,7 +342,7 @@ mod tests {
         let contact = Lighting::new(Light { contact: true, ..parts }, &volume, DVec3::ZERO);
         let q = volume.voxels().grid().voxel(DVec3::X * 19.7).as_vec3() + 1.0;
         let open = contact.brightness(1.0, 19.7, Vec3::X, q);
-        assert!((0.8..0.99).contains(&open), "{open}");
+        assert!((0.9..=1.0).contains(&open), "{open}");
         for (light, expected) in [
             (Light { falloff: true, ..parts }, EXPOSURE * arriving),
             (Light { gloss: true, ..parts }, 1.0 + GLOSS),

@@ -9,6 +9,10 @@ use super::transfer::TransferFunction;
 
 /// The least side of the first level's cells, mm. Each further level's cells have twice the side.
 const CELL_MM: f64 = 4.0;
+/// Distance before a wall at which its surroundings are looked at, in cells. Nearer to the wall, what the wall itself adds would
+/// depend on how it lies among the cells, which shows as a texture: a cell's mean, interpolated, is a quadratic B-spline only on
+/// average, whose support ends at one and a half.
+pub(crate) const AHEAD: f64 = 1.3;
 /// Number of levels.
 pub(crate) const LEVELS: usize = 2;
 /// The number that stands for an opacity of 1.
@@ -31,6 +35,8 @@ pub(crate) struct Level {
     /// Transforms grown voxel coordinates (voxels plus one) of the volume to those of the level: `scale · q + offset`.
     pub(crate) scale: Vec3,
     pub(crate) offset: Vec3,
+    /// [`AHEAD`] times the longest side of a cell, mm.
+    pub(crate) ahead_mm: f32,
 }
 
 impl Surround {
@@ -90,7 +96,8 @@ fn means(volume: &Volume, side: [usize; 3], opacity: impl Fn(i16) -> f32 + Sync)
     });
     let scale = Vec3::from_array(side.map(|n| 1.0 / n as f32));
     let offset = Vec3::ONE - scale * Vec3::from_array(side.map(|n| 0.5 * (n + 1) as f32));
-    Some(Level { means: Volume::new(coarse, all), scale, offset })
+    let ahead_mm = (AHEAD * coarse.spacing().max_element()) as f32;
+    Some(Level { means: Volume::new(coarse, all), scale, offset, ahead_mm })
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ use super::cells::{Cells, Colours};
 use super::directions::{Directions, split};
 use super::fit::gradients;
 use super::rays::{PacketLighting, Rays, SurroundLanes};
-use crate::render::light::{CONTACT, CONTACT_LEAST, CONTACT_MM, EXPOSURE, FLAT, GLOSS, GLOSS_DOUBLINGS, Light};
+use crate::render::light::{CONTACT, CONTACT_LEAST, EXPOSURE, FLAT, GLOSS, GLOSS_DOUBLINGS, Light};
 use crate::render::sampler::is_homogeneous;
 use crate::render::shaders::headlight::{AMBIENT, DIFFUSE};
 use crate::render::shaders::{Shader, SurfacePoint, shown};
@@ -286,8 +286,8 @@ impl Rays<'_> {
                 let before = to_voxel.map(|row| n[0] * row.x + n[1] * row.y + n[2] * row.z);
                 let at = ray.at_each(self.origin, light.depth / wanted.select(seen, one));
                 let mut open = one;
-                for ((level, mm), share) in surround.iter().zip(CONTACT_MM).zip(CONTACT) {
-                    let at = [0, 1, 2].map(|a| before[a] * mm + at[a]);
+                for (level, share) in surround.iter().zip(CONTACT) {
+                    let at = [0, 1, 2].map(|a| before[a] * level.ahead_mm + at[a]);
                     let near = (level.opacity(simd, at, wanted) - FLAT).max(zero);
                     open -= wanted.select(near * share, zero);
                 }

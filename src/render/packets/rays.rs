@@ -103,12 +103,15 @@ pub(crate) struct SurroundLanes<'a> {
     /// Transform the volume's grown voxel coordinates to those of the level.
     scale: Vec3,
     offset: Vec3,
+    /// Distance before the wall at which it is looked up, mm.
+    pub(super) ahead_mm: f32,
 }
 
 impl<'a> SurroundLanes<'a> {
     /// Wraps `level`; `None` if it has more cells than an `i32` can count.
     fn new(level: &'a surround::Level) -> Option<Self> {
-        Some(Self { voxels: Voxels::new(&level.means)?, scale: level.scale, offset: level.offset })
+        let &surround::Level { scale, offset, ahead_mm, .. } = level;
+        Some(Self { voxels: Voxels::new(&level.means)?, scale, offset, ahead_mm })
     }
 
     /// Returns the mean opacity (0 to 1) around the places `q` (grown voxel coordinates of the volume) of the lanes in `wanted`.
