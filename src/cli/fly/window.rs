@@ -35,10 +35,10 @@ pub(crate) fn fly(
     }
     let scene = scene(program, args, global, Screen::Window)?;
     let overlays = overlays(program, args, &scene)?;
-    let guides = scene.guides;
+    let guides = scene.guides.clone();
     let timings = Arc::new(Mutex::new(Timings::default()));
     let flown = Rc::new(Cell::new(false));
-    let first = opening(program, args, global, false, &timings, Rc::clone(&flown))?;
+    let first = opening(program, args, global, scene, false, &timings, Rc::clone(&flown))?;
     let (own_timings, own_flown) = (Arc::clone(&timings), Rc::clone(&flown));
     let (own_program, own_args, own_global) = (program.clone(), args.clone(), global.clone());
     let open = move |asked: Asked| {
@@ -47,9 +47,10 @@ pub(crate) fn fly(
         let is_first = !is_flying && !own_flown.get();
         let args = for_another(own_args.clone(), input, is_first);
         let global = Global { series, ..own_global.clone() };
+        let scene = super::scene(&own_program, &args, &global, Screen::Window)?;
         match is_first {
-            true => opening(&own_program, &args, &global, is_whole, &own_timings, Rc::clone(&own_flown)),
-            false => opening(&own_program, &args, &global, is_whole, &Arc::default(), Rc::default()),
+            true => opening(&own_program, &args, &global, scene, is_whole, &own_timings, Rc::clone(&own_flown)),
+            false => opening(&own_program, &args, &global, scene, is_whole, &Arc::default(), Rc::default()),
         }
     };
     let launch = window::Launch {
@@ -87,22 +88,19 @@ struct Way {
 }
 
 impl Way {
-    /// The way that the arguments ask for.
-    ///
-    /// # Errors
-    /// Returns status 2 for invalid arguments.
-    fn asked(program: &Program, args: &FlyArgs, global: &Global) -> Result<Self> {
-        let scene = scene(program, args, global, Screen::Window)?;
-        Ok(Self { scene, request: request(args), cleanse: global.cleanse, mm_s: None })
+    /// The way that the arguments ask for, with their scene.
+    fn asked(args: &FlyArgs, global: &Global, scene: Scene) -> Self {
+        Self { scene, request: request(args), cleanse: global.cleanse, mm_s: None }
     }
 
     /// The way through the whole colon: from the rectum along the centerline, through what was fluid and stool.
     ///
     /// # Errors
-    /// As [`Way::asked`].
+    /// Returns status 2 for invalid arguments.
     fn whole(program: &Program, args: &FlyArgs, global: &Global) -> Result<Self> {
         let args = FlyArgs { guide: Some(WHOLE.to_owned()), from: Some(Point::Rectum), ..args.clone() };
-        Ok(Self { cleanse: true, mm_s: Some(READING_MM_S), ..Self::asked(program, &args, global)? })
+        let scene = scene(program, &args, global, Screen::Window)?;
+        Ok(Self { cleanse: true, mm_s: Some(READING_MM_S), ..Self::asked(&args, global, scene) })
     }
 }
 
@@ -186,12 +184,13 @@ fn opening(
     program: &Program,
     args: &FlyArgs,
     global: &Global,
+    scene: Scene,
     is_whole: bool,
     timings: &Arc<Mutex<Timings>>,
     flown: Rc<Cell<bool>>,
 ) -> Result<window::Opening> {
     let resume = if is_whole { Resume::Nothing } else { resume(args) };
-    let asked = Way::asked(program, args, global)?;
+    let asked = Way::asked(args, global, scene);
     // Where the command line leaves it to the reader, the settings and the last time decide.
     let is_open = resume == Resume::Everything && args.seconds.is_none();
     let whole = if is_whole || is_open { Some(Way::whole(program, args, global)?) } else { None };
@@ -444,7 +443,8 @@ mod tests {
     /// Opens a scan in a window, as far as that goes without one.
     fn opened(args: &FlyArgs) -> Result<window::Ready> {
         let (program, global) = (Program::default(), Global::default());
-        let opening = opening(&program, args, &global, false, &Arc::default(), Rc::default()).unwrap();
+        let scene = scene(&program, args, &global, Screen::Window).unwrap();
+        let opening = opening(&program, args, &global, scene, false, &Arc::default(), Rc::default()).unwrap();
         (opening.prepare)(&Arc::new(Progress::new()))
     }
 
@@ -459,7 +459,8 @@ mod tests {
         let args = FlyArgs { input: Some(file), ..FlyArgs::default() };
         let open = |is_whole: bool| {
             let (program, global) = (Program::default(), Global::default());
-            let opening = opening(&program, &args, &global, is_whole, &Arc::default(), Rc::default()).unwrap();
+            let scene = scene(&program, &args, &global, Screen::Window).unwrap();
+            let opening = opening(&program, &args, &global, scene, is_whole, &Arc::default(), Rc::default()).unwrap();
             assert_eq!(opening.resume == Resume::Nothing, is_whole);
             (opening.prepare)(&Arc::new(Progress::new())).unwrap()
         };

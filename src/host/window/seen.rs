@@ -347,20 +347,21 @@ impl Seen {
     /// Returns the stops of a review in the gas that is flown, and how many are left elsewhere: the places to look from at what was
     /// not seen since it was listed. As in a review without a window, no patch has one that the other stops show.
     pub(crate) fn stops(&self, flight: &FlightApp) -> (Vec<ReviewStop>, usize) {
-        let Some(coverage) = flight.camera::<LiveCoverage>() else { return (Vec::new(), 0) };
-        let visited = self.list.iter().flatten().zip(&self.is_visited).filter(|(_, is_visited)| **is_visited);
-        let left = visited.map(|v| v.0).filter(|m| coverage.share_of(&m.triangles) < 0.5);
-        let (here, elsewhere): (Vec<&Missed>, Vec<&Missed>) = left.partition(|m| is_here(m, flight));
+        let (here, elsewhere): (Vec<&Missed>, Vec<&Missed>) = self.left(flight).partition(|m| is_here(m, flight));
         let stop = |m: &Missed| Some(ReviewStop::new(m.look_from?.position, Some(m.position)));
         (here.into_iter().filter_map(stop).collect(), elsewhere.len())
     }
 
     /// Returns the segments other than the flown one in which a review has places to look at.
     pub(crate) fn segments_left(&self, flight: &FlightApp) -> BTreeSet<usize> {
-        let Some(coverage) = flight.camera::<LiveCoverage>() else { return BTreeSet::new() };
+        self.left(flight).filter(|m| !is_here(m, flight)).filter_map(|m| segment_of(m, flight)).collect()
+    }
+
+    /// Returns the patches that a review visits and that were not seen since they were listed.
+    fn left<'a>(&'a self, flight: &'a FlightApp) -> impl Iterator<Item = &'a Missed> {
+        let coverage = flight.camera::<LiveCoverage>();
         let visited = self.list.iter().flatten().zip(&self.is_visited).filter(|(_, is_visited)| **is_visited);
-        let left = visited.map(|v| v.0).filter(|m| coverage.share_of(&m.triangles) < 0.5);
-        left.filter(|m| !is_here(m, flight)).filter_map(|m| segment_of(m, flight)).collect()
+        visited.map(|v| v.0).filter(move |m| coverage.is_some_and(|c| c.share_of(&m.triangles) < 0.5))
     }
 
     /// Returns how many of the listed patches lie in the gas that is flown.
