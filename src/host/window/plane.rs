@@ -189,7 +189,10 @@ impl ApplicationHandler<Wake> for Shell {
                     self.fail(e, events);
                 }
             }
-            WindowEvent::KeyboardInput { event, .. } if event.state == ElementState::Pressed && !event.repeat => {
+            // A key that was down as the window got the focus was pressed for another window.
+            WindowEvent::KeyboardInput { event, is_synthetic: false, .. }
+                if event.state == ElementState::Pressed && !event.repeat =>
+            {
                 self.key(&Stroke::of(&event, self.modifiers, false), events);
             }
             WindowEvent::ModifiersChanged(m) => self.modifiers = m.state(),
