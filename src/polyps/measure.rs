@@ -53,9 +53,8 @@ pub struct Measurement {
 /// # Errors
 /// Returns status 4 if there is no wall within 5 mm, or nothing bulges there.
 pub fn measure(wall: &Wall, volume: &Volume, at: DVec3, is_restored: impl Fn(DVec3) -> bool) -> Result<Measurement> {
-    let told = || format!("{:.1},{:.1},{:.1}", at.x, at.y, at.z);
     let vertex = wall.nearest(at, SNAP_MM).ok_or_else(|| {
-        let why = format!("{} has no wall of the colon within {SNAP_MM} mm", told());
+        let why = format!("the colon has no wall within {SNAP_MM} mm of the place");
         Error::incomplete("measure", why, "give a place on the wall")
     })?;
     let mut scratch = Scratch::new(wall);
@@ -74,8 +73,7 @@ pub fn measure(wall: &Wall, volume: &Volume, at: DVec3, is_restored: impl Fn(DVe
         }
     }
     let (_, lesion) = best.ok_or_else(|| {
-        let why = format!("the wall at {} does not bulge into the lumen", told());
-        Error::incomplete("measure", why, "give a place on a polyp")
+        Error::incomplete("measure", "the wall does not bulge into the lumen there", "give a place on a polyp")
     })?;
     let restored = is_restored(lesion.position) || lesion.ends.iter().any(|e| is_restored(*e));
     Ok(judged(lesion, volume, restored))

@@ -596,9 +596,13 @@ impl Actions {
         Ok(actions.on(&Printed::default()))
     }
 
-    /// Returns the same actions with their keys named as a keyboard prints them.
+    /// Returns the same actions with their keys named as a keyboard prints them. Where that is the key of another action, which
+    /// comes first, the name stays: `Ctrl+6` on a French keyboard, whose key prints a hyphen and, with Shift, a 6.
     pub(crate) fn on(&self, keyboard: &Printed) -> Self {
-        let named = |a: &Action| Action { shown: a.keys.iter().map(|k| k.on(keyboard)).collect(), ..a.clone() };
+        let taken: Vec<String> =
+            self.0.iter().flat_map(|a| a.keys.iter().chain(&a.shifted)).map(ToString::to_string).collect();
+        let name = |key: &Chord| Some(key.on(keyboard)).filter(|n| !taken.contains(n)).unwrap_or(key.to_string());
+        let named = |a: &Action| Action { shown: a.keys.iter().map(name).collect(), ..a.clone() };
         Self(self.0.iter().map(named).collect())
     }
 
@@ -778,6 +782,22 @@ mod tests {
             assert!(all.of_menu(entry).count() > 0 || *entry == OWN, "{entry}");
         }
         assert_eq!(all.named("pause").unwrap().title(), "Pause, resume");
+    }
+
+    #[test]
+    fn no_two_actions_name_one_key_on_a_french_keyboard() {
+        use super::super::stroke::US;
+        const PLAIN: &str = "²&é\"'(-è_çà)=azertyuiop^$*qsdfghjklmùwxcvbn,;:!";
+        const SHIFTED: &str = " 1234567890°+AZERTYUIOP¨£µQSDFGHJKLM%WXCVBN?./§";
+        let keys = US.iter().zip(PLAIN.chars().zip(SHIFTED.chars()));
+        let mut french = Printed::default();
+        french.tell(keys.map(|(us, (plain, shifted))| (us.0, [Some(plain), Some(shifted)])).collect());
+        let all = actions(&[]).unwrap().on(&french);
+        let names: Vec<&String> = all.0.iter().flat_map(|a| &a.shown).collect();
+        let twice: Vec<&&String> = names.iter().filter(|n| names.iter().filter(|m| m == n).count() > 1).collect();
+        assert!(twice.is_empty(), "{twice:?}");
+        // Its key prints a hyphen, which has an action of its own, and a 6 with Shift.
+        assert_eq!((all.key("slab-kind"), all.key("guide-path")), ("Ctrl+6".to_owned(), "\"".to_owned()));
     }
 
     #[test]

@@ -494,7 +494,10 @@ impl FlightController {
     /// True if the state that an action switches is on, for its button.
     pub(crate) fn is_on(&self, id: &str) -> bool {
         match id {
-            "pause" => self.unflown.is_none() && self.hand().paused,
+            "pause" => {
+                let goes_on = self.is_by_hand() || self.flight.flight().state != State::Arrived;
+                self.unflown.is_none() && self.hand().paused && goes_on
+            }
             "measure" => self.measures.is_on(),
             "figures" => self.figures.are_all(),
             "measure-lesion" => self.measures_lesions(),

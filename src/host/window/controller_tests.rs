@@ -3,13 +3,14 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3};
 
 use super::*;
-use crate::app::{ImageSettings, Plan, Scene};
+use crate::app::{FlightRequest, ImageSettings, OpenOptions, Plan, Scan, Scene};
 use crate::components::flight::Flight;
 use crate::components::slices::Orientation;
 use crate::fields::lumen;
 use crate::host::window::actions::KeySettings;
 use crate::host::window::keys::Hold;
 use crate::host::window::panels::{BUILT_IN, FlightInput, SliceInput};
+use crate::phantom::{Phantom, PhantomSettings};
 use crate::progress::Progress;
 use crate::render::{ImageSize, Preset, Quality, Settings};
 use crate::space::{PreparedVolume, TransferFunction};
@@ -47,6 +48,17 @@ fn flight_with(guide: &'static str, other_end: DVec3, change: impl FnOnce(&mut S
     let mut scene = Scene { picture: true, image, operator: true, ..Scene::guided_by(guide) };
     change(&mut scene);
     FlightApp::new(PreparedVolume::new(volume, TransferFunction::default()), lumen, plan, scene).unwrap()
+}
+
+/// A flight along the path of a phantom, in pictures of 96 × 72 pixels.
+pub(crate) fn phantom_flight(phantom: &PhantomSettings) -> FlightApp {
+    let phantom = Phantom::new(phantom);
+    let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+    let mut scan = Scan::of(volume, &OpenOptions::default()).unwrap();
+    let settings = Settings { adaptive: false, ..Settings::default() };
+    let image = ImageSettings { width: WINDOW.width, height: WINDOW.height, settings, ..ImageSettings::default() };
+    let scene = Scene { picture: true, operator: true, image, ..Scene::guided_by("path") };
+    scan.flight(scene, &FlightRequest::default()).unwrap()
 }
 
 /// The controller of such a flight.
@@ -586,6 +598,38 @@ fn a_hidden_flight_is_not_made_better_and_not_saved() {
     assert!(c.next().is_none_or(rests), "nothing is due");
     c.take_screenshot(ActionContext { window: ImageSize::new(0, 0), now });
     assert_eq!(c.hud(now).message.as_deref(), Some("the flight is not shown"));
+}
+
+#[test]
+fn every_picture_that_was_ordered_is_saved() {
+    let (mut c, mut now) = (controller("manual"), Instant::now());
+    let folder = tempfile::tempdir().unwrap();
+    c.set_screenshots(Some(folder.path().to_owned()));
+    trace(&mut c, now);
+    let saved = || std::fs::read_dir(folder.path()).unwrap().count();
+    // Both before the picture is complete.
+    for _ in 0..2 {
+        c.take_screenshot(ActionContext { window: WINDOW, now });
+    }
+    assert_eq!(saved(), 0);
+    for _ in 0..200 {
+        now += FRAME;
+        c.advance(now).unwrap();
+        trace(&mut c, now);
+    }
+    c.save_the_rest();
+    assert_eq!(saved(), 2);
+}
+
+#[test]
+fn nothing_goes_on_after_an_arrival() {
+    let (mut c, mut now) = (controller("path"), Instant::now());
+    fly(&mut c, &mut now, 2);
+    perform(&mut c, "pause", now);
+    fly(&mut c, &mut now, 2);
+    assert!(c.is_on("pause"));
+    c.flight.camera_mut::<Flight>().unwrap().state = State::Arrived;
+    assert_eq!((c.is_on("pause"), c.hud(now).state.as_str()), (false, "arrived"));
 }
 
 #[test]

@@ -32,7 +32,7 @@ impl Printed {
         }
     }
 
-    fn tell(&mut self, told: Vec<(KeyCode, Printing)>) {
+    pub(super) fn tell(&mut self, told: Vec<(KeyCode, Printing)>) {
         if told != self.told {
             let lower = |c: char| c.to_lowercase().next().unwrap_or(c);
             self.keys = told.iter().map(|&(code, printing)| (code, printing.map(|c| c.map(lower)))).collect();

@@ -80,8 +80,8 @@ pub(crate) struct ViewRenderer {
     frames: Vec<FrameStats>,
     moving: MovingPictures,
     to_save: Vec<Traced>,
-    /// The current image will be saved once it is complete.
-    waiting: Option<PictureRequest>,
+    /// The current image will be saved for each of these once it is complete.
+    waiting: Vec<PictureRequest>,
     /// Time of presentations, ms.
     present_ms: f64,
     /// True if no picture of the flight is shown, so that it is not refined.
@@ -103,7 +103,7 @@ impl ViewRenderer {
             frames: Vec::new(),
             moving: MovingPictures::default(),
             to_save: Vec::new(),
-            waiting: None,
+            waiting: Vec::new(),
             present_ms: 0.0,
             hidden: false,
             empty: false,
@@ -165,7 +165,7 @@ impl ViewRenderer {
         let here = self.shown.zip(Shown::now(flight, window)).is_some_and(|(shown, now)| shown.is(&now));
         match self.image(flight).filter(|_| here && !self.is_refining(flight)) {
             Some(frame) => self.to_save.push(Traced { request, frame: frame.clone() }),
-            None => self.waiting = Some(request),
+            None => self.waiting.push(request),
         }
     }
 
@@ -176,9 +176,7 @@ impl ViewRenderer {
 
     /// Takes all images to be saved, and waits for those in progress.
     pub(crate) fn all_to_save(&mut self) -> Vec<Traced> {
-        if let Some(request) = self.waiting.take() {
-            self.screenshots.begin(request);
-        }
+        self.waiting.drain(..).for_each(|request| self.screenshots.begin(request));
         while let Some(traced) = self.screenshots.wait() {
             self.to_save.extend(traced.ok());
         }
@@ -262,15 +260,15 @@ impl ViewRenderer {
         }
     }
 
-    /// Saves or starts a waiting screenshot, depending on whether the camera is at rest or has moved on.
+    /// Saves or starts the waiting screenshots, depending on whether the camera is at rest or has moved on.
     fn save_waiting(&mut self, flight: &FlightApp, now: &Shown, rest: bool) {
-        let Some(request) = self.waiting.take() else { return };
+        if self.waiting.is_empty() {
+            return;
+        }
         if !rest && self.shown.is_some_and(|s| !s.sees_as(now)) {
-            self.screenshots.begin(request);
+            self.waiting.drain(..).for_each(|request| self.screenshots.begin(request));
         } else if let Some(frame) = self.image(flight).filter(|_| rest && !self.is_refining(flight)) {
-            self.to_save.push(Traced { request, frame: frame.clone() });
-        } else {
-            self.waiting = Some(request);
+            self.to_save.extend(self.waiting.drain(..).map(|request| Traced { request, frame: frame.clone() }));
         }
     }
 }

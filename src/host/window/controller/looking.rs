@@ -118,23 +118,15 @@ impl FlightController {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scan, Scene};
-    use crate::host::window::controller::tests::{cockpit_of, perform, trace};
-    use crate::phantom::{Phantom, PhantomSettings};
-    use crate::progress::Progress;
-    use crate::render::{ImageSize, Settings};
+    use crate::host::window::controller::tests::{cockpit_of, perform, phantom_flight, trace};
+    use crate::phantom::PhantomSettings;
+    use crate::render::ImageSize;
 
     const FRAME: Duration = Duration::from_millis(25);
 
     /// A paused flight in a window, whose coverage is watched.
     fn paused() -> (FlightController, Instant) {
-        let phantom = Phantom::new(&PhantomSettings::embedded(1));
-        let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
-        let mut scan = Scan::of(volume, &OpenOptions::default()).unwrap();
-        let settings = Settings { adaptive: false, ..Settings::default() };
-        let image = ImageSettings { width: 96, height: 72, settings, ..ImageSettings::default() };
-        let scene = Scene { picture: true, operator: true, image, ..Scene::guided_by("path") };
-        let mut flight = scan.flight(scene, &FlightRequest::default()).unwrap();
+        let mut flight = phantom_flight(&PhantomSettings::embedded(1));
         flight.fly(4.0).unwrap();
         let mut c = cockpit_of(flight, 0.0, Vec::new());
         let mut now = Instant::now();

@@ -36,11 +36,10 @@ impl FlightController {
     /// Goes to a place of a slice (world, mm), or tells why not. Without a flight, one starts there.
     pub(super) fn set_out_at(&mut self, place: DVec3, now: Instant) {
         self.attention = true;
-        let volume = self.flight.shown_scan();
-        let grid = volume.voxels().grid();
-        let (voxel, last) = (grid.voxel(place), DVec3::from_array(grid.dims().map(|n| n as f64 - 1.0)));
-        let is_inside = voxel.cmpge(DVec3::ZERO).all() && voxel.cmple(last).all();
-        let is_gas = is_inside && f64::from(value(volume, place)) < volume.transfer().iso();
+        // As slices show them: the scan without tag is a box within the other one.
+        let scans = [self.flight.shown_scan(), &self.flight.setup().volume];
+        let volume = scans.into_iter().find(|v| v.voxels().grid().contains(place));
+        let is_gas = volume.is_some_and(|v| f64::from(value(v, place)) < v.transfer().iso());
         if self.flight.setup().scene.play().is_some() {
             self.say("a log is replayed: the camera goes where it went", now);
         } else if !is_gas {
@@ -64,16 +63,19 @@ const ARRIVED_MM: f64 = 2.0;
 #[cfg(test)]
 mod tests {
     use std::rc::Rc;
+    use std::sync::Arc;
 
     use glam::DMat3;
 
     use super::*;
     use crate::app::{OpenOptions, Scan, Scene};
+    use crate::components::output::Picture;
     use crate::components::slices::Orientation;
     use crate::host::window::actions::{ActionContext, Effect};
     use crate::host::window::controller::tests::{cockpit_of, controller};
     use crate::host::window::panels::{FlightInput, SliceInput};
     use crate::render::ImageSize;
+    use crate::space::PreparedVolume;
     use crate::volume::{Grid, Volume};
 
     /// The middle of a bubble of gas of 8 mm, too small for a colon.
@@ -174,6 +176,14 @@ mod tests {
         assert_eq!(tissue.as_deref(), Some("no gas there: the camera stays where it is"));
         assert_eq!(told(&mut c, [17.0, 40.0, 15.0]), None, "it went there");
         assert!(told(&mut c, [6.2, 60.0, 15.0]).is_some_and(|t| t.starts_with("too narrow there")));
+        // The scan without tag is a box within the other one, which the slices show around it.
+        let grid = Grid::new([4, 4, 4], DVec3::ONE, DVec3::new(8.0, 8.0, 8.0), DMat3::IDENTITY).unwrap();
+        let transfer = c.flight().setup().volume.transfer().clone();
+        let inner = PreparedVolume::new(Arc::new(Volume::new(grid, vec![-1000; 64])), transfer);
+        let inner = c.flight.app_mut().world.spawn(crate::components::scan::Scan(inner)).id();
+        c.flight.camera_mut::<Picture>().unwrap().scan = Some(inner);
+        assert_eq!(told(&mut c, [17.0, 42.0, 15.0]), None, "it went there");
+        assert_eq!(told(&mut c, [2.0, 40.0, 16.0]), tissue);
         // In the flight's picture, a ray that meets no wall.
         c.message = None;
         c.follow(FlightInput::LookAt([f64::NAN, 0.0]), ActionContext { window: ImageSize::new(8, 8), now });

@@ -271,14 +271,12 @@ mod tests {
     use std::time::{Duration, Instant};
 
     use super::*;
-    use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scan, Scene};
     use crate::host::window::assistant::State;
-    use crate::host::window::controller::tests::{cockpit_of, perform, trace};
+    use crate::host::window::controller::tests::{cockpit_of, perform, phantom_flight, trace};
     use crate::host::window::panels::AssistInput;
-    use crate::phantom::{Phantom, PhantomSettings};
+    use crate::phantom::PhantomSettings;
     use crate::polyps::answers::Answer;
     use crate::progress::Progress;
-    use crate::render::Settings;
 
     /// A flight in a window that has flown half of its way, and is watched.
     fn watched() -> (FlightController, Instant) {
@@ -286,13 +284,7 @@ mod tests {
     }
 
     fn watched_in(phantom: PhantomSettings) -> (FlightController, Instant) {
-        let phantom = Phantom::new(&phantom);
-        let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
-        let mut scan = Scan::of(volume, &OpenOptions::default()).unwrap();
-        let settings = Settings { adaptive: false, ..Settings::default() };
-        let image = ImageSettings { width: 96, height: 72, settings, ..ImageSettings::default() };
-        let scene = Scene { picture: true, operator: true, image, ..Scene::guided_by("path") };
-        let mut flight = scan.flight(scene, &FlightRequest::default()).unwrap();
+        let mut flight = phantom_flight(&phantom);
         while flight.survey().progress().0 < 0.6 {
             flight.step().unwrap();
         }
