@@ -178,7 +178,7 @@ mod tests {
         assert!(told(&mut c, [6.2, 60.0, 15.0]).is_some_and(|t| t.starts_with("too narrow there")));
         // The scan without tag is a box within the other one, which the slices show around it.
         let grid = Grid::new([4, 4, 4], DVec3::ONE, DVec3::new(8.0, 8.0, 8.0), DMat3::IDENTITY).unwrap();
-        let transfer = *c.flight().setup().volume.transfer();
+        let transfer = c.flight().setup().volume.transfer();
         let inner = PreparedVolume::new(Arc::new(Volume::new(grid, vec![-1000; 64])), transfer);
         let inner = c.flight.app_mut().world.spawn(crate::components::scan::Scan(inner)).id();
         c.flight.camera_mut::<Picture>().unwrap().scan = Some(inner);
