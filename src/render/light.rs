@@ -99,6 +99,9 @@ const HALF_MM: [f32; 2] = [45.0, 120.0];
 pub(crate) const GLOSS: f32 = 0.3;
 /// The highlight's exponent is 2 to this power.
 pub(crate) const GLOSS_DOUBLINGS: u32 = 7;
+/// Cosines below this shine as this one does, invisibly (10⁻²⁸). Their powers would be subnormal numbers, which take processors
+/// a hundred times as long.
+pub(crate) const GLOSS_FROM: f32 = 0.6;
 /// The shares by which opaque surroundings there darken the surface.
 pub(crate) const CONTACT: [f32; LEVELS] = [1.0, 0.7];
 /// The most that a flat wall itself contributes there.
@@ -195,7 +198,7 @@ impl<'a> Lighting<'a> {
             bright *= EXPOSURE * arriving;
         }
         if gloss {
-            let mut shine = facing;
+            let mut shine = facing.max(GLOSS_FROM);
             for _ in 0..GLOSS_DOUBLINGS {
                 shine *= shine;
             }

@@ -17,7 +17,7 @@ use super::cells::{Cells, Colours};
 use super::directions::{Directions, split};
 use super::fit::gradients;
 use super::rays::{PacketLighting, Rays, SurroundLanes};
-use crate::render::light::{CONTACT, CONTACT_LEAST, EXPOSURE, FLAT, GLOSS, GLOSS_DOUBLINGS, Light};
+use crate::render::light::{CONTACT, CONTACT_LEAST, EXPOSURE, FLAT, GLOSS, GLOSS_DOUBLINGS, GLOSS_FROM, Light};
 use crate::render::sampler::is_homogeneous;
 use crate::render::shaders::headlight::{AMBIENT, DIFFUSE};
 use crate::render::shaders::{Shader, SurfacePoint, shown};
@@ -196,11 +196,13 @@ impl Rays<'_> {
                         let shade = match &self.lighting {
                             None => facing * DIFFUSE + AMBIENT,
                             Some(lighting) => {
-                                // Into the gas: against the gradient.
-                                let length = steep.select(square, one).sqrt();
-                                let share = (mask & steep).select(weight / length, zero);
-                                for (sum, g) in light.normal.iter_mut().zip(g) {
-                                    *sum -= g * share;
+                                if lighting.surround.is_some() {
+                                    // Into the gas: against the gradient.
+                                    let length = steep.select(square, one).sqrt();
+                                    let share = (mask & steep).select(weight / length, zero);
+                                    for (sum, g) in light.normal.iter_mut().zip(g) {
+                                        *sum -= g * share;
+                                    }
                                 }
                                 let distance = place / mask.select(weight, one) * self.step_mm;
                                 self.lit(simd, lighting, facing, distance)
@@ -251,7 +253,7 @@ impl Rays<'_> {
             bright *= arriving * EXPOSURE;
         }
         if gloss {
-            let mut shine = facing;
+            let mut shine = facing.max(GLOSS_FROM);
             for _ in 0..GLOSS_DOUBLINGS {
                 shine *= shine;
             }
