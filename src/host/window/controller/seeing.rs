@@ -278,7 +278,8 @@ mod tests {
     use crate::polyps::answers::Answer;
     use crate::progress::Progress;
 
-    /// A flight in a window that has flown half of its way, and is watched.
+    /// A flight in a window that has flown half of its way, and is watched. It is paused, so that what was missed does not depend on
+    /// how long it takes to find out.
     fn watched() -> (FlightController, Instant) {
         watched_in(PhantomSettings::embedded(1))
     }
@@ -291,6 +292,7 @@ mod tests {
         let mut c = cockpit_of(flight, 0.0, Vec::new());
         let mut now = Instant::now();
         trace(&mut c, now);
+        perform(&mut c, "pause", now);
         c.show_seen(true, now);
         go_on(&mut c, &mut now, |c| c.seen().list().is_some());
         (c, now)
