@@ -20,6 +20,14 @@ pub(crate) mod scenes;
 mod table;
 pub mod trials;
 
+/// Parts of `report dynamics` for a test against an independent solver, `tests/bench/independent.rs`. They may change at any time.
+#[doc(hidden)]
+pub mod internals {
+    pub use super::dynamics::{ACCURACY, CASES, Case, SECONDS, errors, forces, solve, start, turning};
+    pub use crate::dynamics::rigid::angle;
+    pub use crate::dynamics::rigid::free::{exp, turn};
+}
+
 use std::time::Instant;
 
 use crate::memory::resident_bytes;

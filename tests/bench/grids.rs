@@ -1,5 +1,5 @@
 //! The default renderer's pictures against the reference's, on many grids and at many sizes.
-//! Run it with `cargo bench --bench grids`.
+//! Run it with `cargo bench -p colvis-bench --bench grids`.
 //!
 //! It uses phantoms on six grids, from cubes to voxels five times as long as wide, and the given scans, on their own
 //! grid and resampled to two others. On each it flies a flight. At poses along it, in its narrowest bends, close to the
@@ -8,9 +8,9 @@
 //! due to interpolation between rays), the worst pose, and rays per pixel. It fails if a frame has less than 40 dB.
 //!
 //! ```sh
-//! cargo bench --bench grids -- SCAN.nii.gz …                          # all of it, half an hour
-//! cargo bench --bench grids -- --seeds 3 --sizes 384 --poses 20       # a part
-//! cargo bench --bench grids -- --grids 0.8,0.8,2.0 --keep            # one grid, and pictures of its worst frames
+//! cargo bench -p colvis-bench --bench grids -- SCAN.nii.gz …                          # all of it, half an hour
+//! cargo bench -p colvis-bench --bench grids -- --seeds 3 --sizes 384 --poses 20       # a part
+//! cargo bench -p colvis-bench --bench grids -- --grids 0.8,0.8,2.0 --keep            # one grid, and pictures of its worst frames
 //! ```
 
 use std::path::PathBuf;
@@ -200,6 +200,8 @@ fn compare(name: &str, volume: Arc<Volume>, options: &Options) -> f64 {
 }
 
 fn main() {
+    // Cargo runs benches in the folder of their package. Files are given from the root, where cargo is called.
+    std::env::set_current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).expect("the root");
     let options = Options::read();
     println!(
         "| body | voxels, mm | pixels | least dB | mean dB | least dB, all rays | rays a pixel | samples a pixel | worst pose: position, forward, up |"

@@ -1,7 +1,7 @@
-//! Times of the ray caster's parts: sampling, leaping, gradients, whole frames. `cargo bench --bench render`.
+//! Times of the ray caster's parts: sampling, leaping, gradients, whole frames. `cargo bench -p colvis-bench --bench render`.
 //!
 //! It uses the small analytic phantom and one view from the middle of its centerline, 512×512, on the machine's own
-//! number of threads. A part's name is the second half of the line, so `cargo bench --bench render -- leaping` compares
+//! number of threads. A part's name is the second half of the line, so `cargo bench -p colvis-bench --bench render -- leaping` compares
 //! leaping alone.
 #![expect(missing_docs, reason = "criterion_group makes a public function without a comment")]
 

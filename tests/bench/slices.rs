@@ -1,4 +1,4 @@
-//! Time of a cross-section: `cargo bench --bench slices`.
+//! Time of a cross-section: `cargo bench -p colvis-bench --bench slices`.
 //!
 //! It takes 512×512 pixels of 0.7 mm through the middle of an artificial scan of 512×512×400 voxels of 0.7×0.7×1.0 mm,
 //! on the machine's own number of threads.

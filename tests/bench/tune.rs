@@ -4,8 +4,8 @@
 //! dimensions. It prints CSV; `assets/tuning/tentacles.csv` is its output.
 //!
 //! ```sh
-//! cargo bench --bench tune -- SCAN.nii.gz … > tune.csv     # the scans both ways, the drawn lumens, phantoms 1 to 10
-//! cargo bench --bench tune -- --seeds 1,2 --around 0       # fewer seeds, one change at a time
+//! cargo bench -p colvis-bench --bench tune -- SCAN.nii.gz … > tune.csv     # the scans both ways, the drawn lumens, phantoms 1 to 10
+//! cargo bench -p colvis-bench --bench tune -- --seeds 1,2 --around 0       # fewer seeds, one change at a time
 //! ```
 
 use std::io::Write;
@@ -93,6 +93,8 @@ fn candidates(around: u64) -> Vec<(String, Scene)> {
 }
 
 fn main() {
+    // Cargo runs benches in the folder of their package. Files are given from the root, where cargo is called.
+    std::env::set_current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).expect("the root");
     // Cargo adds --bench. Everything that is not an option is a scan.
     let args: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
     let value = |name: &str| args.iter().position(|a| a == name).and_then(|i| args.get(i + 1));

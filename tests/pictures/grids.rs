@@ -1,5 +1,5 @@
 //! The default renderer against the reference where rays run along the wall, on grids from cubes to voxels five times
-//! as long as wide. `cargo bench --bench grids` runs the full comparison, with more poses and sizes.
+//! as long as wide. `cargo bench -p colvis-bench --bench grids` runs the full comparison, with more poses and sizes.
 
 use std::sync::Arc;
 

@@ -12,7 +12,7 @@ use super::{Inertia, unit};
 /// turn about the body's axis followed by one about `L` (regular precession; Goldstein, *Classical Mechanics*, 5.6):
 /// `q(t) = exp(t L/J_t) q₀ exp(t (1/J_a − 1/J_t)(L·a) e_z)`. Drag only rescales `L`, so it only slows time down to `s(t)
 /// = (1 − e^(−k t))/k`.
-pub(crate) fn turn(start: DQuat, angular: DVec3, inertia: &Inertia, drag: f64, seconds: f64) -> DQuat {
+pub fn turn(start: DQuat, angular: DVec3, inertia: &Inertia, drag: f64, seconds: f64) -> DQuat {
     let s = slowed(drag, seconds);
     let along = angular.dot(start * DVec3::Z);
     let about_axis = exp(DVec3::Z * (inertia.excess() * along * s));
@@ -25,7 +25,7 @@ pub(crate) fn slowed(k: f64, t: f64) -> f64 {
 }
 
 /// Returns the rotation by the vector `v` (rad, about its direction); the identity if `v` is not finite.
-pub(crate) fn exp(v: DVec3) -> DQuat {
+pub fn exp(v: DVec3) -> DQuat {
     if v.is_finite() { unit(DQuat::from_scaled_axis(v)) } else { DQuat::IDENTITY }
 }
 

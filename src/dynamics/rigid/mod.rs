@@ -67,7 +67,7 @@ pub(crate) fn unit(q: DQuat) -> DQuat {
 }
 
 /// Returns the angle between two orientations, rad, 0 to π. Exact for small angles too; the lengths do not matter.
-pub(crate) fn angle(a: DQuat, b: DQuat) -> f64 {
+pub fn angle(a: DQuat, b: DQuat) -> f64 {
     let turn = a * b.conjugate();
     // Both signs of a quaternion are the same rotation. The sine resolves small angles, the cosine does not.
     2.0 * turn.xyz().length().atan2(turn.w.abs())

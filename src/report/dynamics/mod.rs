@@ -4,8 +4,6 @@
 mod clamp;
 mod conserved;
 mod contenders;
-#[cfg(test)]
-mod independent;
 mod looking;
 mod mines;
 mod precision;
@@ -24,6 +22,10 @@ use crate::space::PreparedVolume;
 
 use super::Effort;
 use super::page::Page;
+
+// For `report::internals`.
+pub use precision::{CASES, Case, SECONDS, errors, forces, start, turning};
+pub use reference::{ACCURACY, solve};
 
 /// The subject of the studies.
 struct Subject {

@@ -20,7 +20,7 @@ use crate::report::plot::{Plot, Point, Series};
 use crate::report::table::{Cell, Table};
 
 /// Duration of the flight, s.
-pub(super) const SECONDS: f64 = 2.0;
+pub const SECONDS: f64 = 2.0;
 /// Outer step of the adaptive methods, s.
 const OUTER: f64 = 0.25;
 /// Errors below these, mm and rad, may be those of the reference.
@@ -29,12 +29,16 @@ const FLOOR: [f64; 2] = [2.0 * reference::ACCURACY[0], reference::ACCURACY[1]];
 const CEILING: f64 = 0.2;
 
 /// A measured flight.
-pub(super) struct Case {
-    pub(super) name: &'static str,
-    pub(super) wall_energy: f64,
+#[derive(Debug)]
+pub struct Case {
+    /// The name in the report.
+    pub name: &'static str,
+    /// The potential's energy at the wall.
+    pub wall_energy: f64,
 }
 
-pub(super) const CASES: [Case; 3] = [
+/// The measured flights.
+pub const CASES: [Case; 3] = [
     Case { name: "soft wall", wall_energy: 100.0 },
     Case { name: "middle wall", wall_energy: 1e4 },
     Case { name: "stiff wall", wall_energy: 1e6 },
@@ -49,13 +53,13 @@ pub(super) const TUBE: Tube = Tube { radius: 15.0, bend: 50.0, rounding: 0.7 };
 pub(super) const WAY: RemainingLength = RemainingLength { tube: TUBE, end: 3.0 };
 
 /// Returns the force of a case. Its reach spans the tube, so that all derivatives exist everywhere on the path.
-pub(super) fn forces(wall_energy: f64) -> PotentialForce<'static> {
+pub fn forces(wall_energy: f64) -> PotentialForce<'static> {
     let potential = Potential { wall_energy, reach_mm: 20.0, ..Potential::default() };
     PotentialForce { potential, wall: Some(&TUBE), target: Some(&WAY), push: DVec3::ZERO }
 }
 
 /// Returns the initial state of the flights: off the axis, moving, and slowly tumbling.
-pub(super) fn start(body: &Body) -> RigidBodyState {
+pub fn start(body: &Body) -> RigidBodyState {
     let position = TUBE.place(0.0, 1.0, -0.6);
     let q = orientation(Attitude::new(DVec3::Z, DVec3::Y));
     let angular = body.inertia().momentum(DVec3::new(0.5, -0.4, 1.2), q * DVec3::Z);
@@ -64,7 +68,7 @@ pub(super) fn start(body: &Body) -> RigidBodyState {
 
 /// Returns the rotation of the view during the flights. It is large enough to be far from linear, otherwise high orders would not
 /// be visible.
-pub(super) fn turning() -> Turning {
+pub fn turning() -> Turning {
     Turning::towards(DVec3::new(0.5, 0.3, -0.8), 0.45, 1.8)
 }
 
@@ -151,7 +155,7 @@ fn measure(case: usize, method: &dyn Stepper, h: f64, steps: u32, truth: &RigidB
 }
 
 /// Returns the distance in mm and the angle in rad.
-pub(super) fn errors(a: &RigidBodyState, b: &RigidBodyState) -> [f64; 2] {
+pub fn errors(a: &RigidBodyState, b: &RigidBodyState) -> [f64; 2] {
     [a.position.distance(b.position), angle(a.orientation, b.orientation)]
 }
 

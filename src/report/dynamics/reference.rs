@@ -1,6 +1,6 @@
 //! The reference solution: the fifth-order method of Dormand and Prince with steps so small that only rounding errors remain.
 //!
-//! It shares coordinates and code with the methods that are measured against it. Tests compare it with two solvers of diffsol,
+//! It shares coordinates and code with the methods that are measured against it. `tests/bench/independent.rs` compares it with two solvers of diffsol,
 //! which share neither: to [`ACCURACY`] with Tsitouras' explicit pair at a tolerance of 1e-13, and to 2e-9 mm and 2e-10 rad with
 //! BDF at 1e-11, which is also the difference between those two.
 
@@ -12,14 +12,14 @@ use crate::dynamics::{Body, Forces, RigidBodyState, Turning};
 /// measured step sizes, since such a method would match the reference exactly.
 pub(crate) const STEPS_PER_SECOND: u32 = 24_000;
 /// Required accuracy of the reference, mm and rad. Measured: 6e-13 and 8e-14 for the worst of the three walls.
-pub(crate) const ACCURACY: [f64; 2] = [1e-11, 1e-12];
+pub const ACCURACY: [f64; 2] = [1e-11, 1e-12];
 
 /// Steps per second for the orientation. It does not depend on the wall, and steps of this size are exact to 1e-15 rad. With more
 /// steps, rounding accumulates to about 6e-14 rad, which affects the smallest errors from which orders are derived.
 const TURNS_PER_SECOND: u32 = 1000;
 
 /// Returns the state `seconds` after `start`.
-pub(crate) fn solve(
+pub fn solve(
     body: &Body,
     start: &RigidBodyState,
     forces: &dyn Forces,

@@ -1,15 +1,16 @@
 //! Solutions by an independent solver (diffsol), in coordinates that the integrators do not use: thirteen numbers, including the
-//! quaternion, `q′ = ½ ω q`. They verify the accuracy that the report's [reference](super::reference) claims.
+//! quaternion, `q′ = ½ ω q`. They verify the accuracy that the reference solution of `report dynamics` claims.
+//!
+//! ```sh
+//! cargo test --release -p colvis-bench
+//! ```
 
+use colvis::dynamics::{Body, Forces, RigidBodyState, Turning};
+use colvis::report::internals::{self as study, CASES, SECONDS, angle, errors, exp, forces, start, turn, turning};
 use diffsol::{
     DiffsolError, NalgebraLU, NalgebraMat, OdeBuilder, OdeEquations, OdeSolverMethod, OdeSolverStopReason, Vector,
 };
 use glam::{DQuat, DVec3};
-
-use super::precision::{CASES, SECONDS, errors, forces, start, turning};
-use super::reference;
-use crate::dynamics::rigid::{angle, free};
-use crate::dynamics::{Body, Forces, RigidBodyState, Turning};
 
 /// Number of components of a state.
 const N: usize = 13;
@@ -124,7 +125,7 @@ fn two_solvers_find_the_exact_motion() {
     let start = RigidBodyState {
         position: DVec3::ZERO,
         momentum: DVec3::X,
-        orientation: free::exp(DVec3::new(0.2, 0.7, -0.4)),
+        orientation: exp(DVec3::new(0.2, 0.7, -0.4)),
         angular: DVec3::new(4.0, -2.0, 3.0),
     };
     let force = DVec3::new(0.0, 0.0, -3.0);
@@ -132,7 +133,7 @@ fn two_solvers_find_the_exact_motion() {
         for m in solve(solver, &body, &start, &force, &turning, &[0.5, 2.0]).unwrap().into_iter().skip(1) {
             let decay = (-4f64).exp();
             let x = DVec3::X * ((1.0 - decay) / 2.0) + force * (2.0 - (1.0 - decay) / 2.0) / 2.0;
-            let exact = free::turn(start.orientation, start.angular, &body.inertia(), 0.5, 2.0);
+            let exact = turn(start.orientation, start.angular, &body.inertia(), 0.5, 2.0);
             assert!(m.position.distance(x) < 1e-8, "{solver:?}: {} for {x}", m.position);
             assert!(angle(m.orientation, exact) < 1e-8, "{solver:?}: {}", angle(m.orientation, exact));
         }
@@ -143,12 +144,12 @@ fn two_solvers_find_the_exact_motion() {
 #[test]
 fn the_reference_is_as_accurate_as_it_claims() {
     let body = Body::default();
-    let (begun, turn) = (start(&body), turning());
+    let (begun, turning) = (start(&body), turning());
     for case in &CASES {
         let force = forces(case.wall_energy);
-        let reference = reference::solve(&body, &begun, &force, &turn, SECONDS);
-        for (solver, held_to) in [(Solver::Tsit45, reference::ACCURACY), (Solver::Bdf, [2e-9, 2e-10])] {
-            let other = solve(solver, &body, &begun, &force, &turn, &[SECONDS]).unwrap()[0];
+        let reference = study::solve(&body, &begun, &force, &turning, SECONDS);
+        for (solver, held_to) in [(Solver::Tsit45, study::ACCURACY), (Solver::Bdf, [2e-9, 2e-10])] {
+            let other = solve(solver, &body, &begun, &force, &turning, &[SECONDS]).unwrap()[0];
             let [mm, rad] = errors(&reference, &other);
             println!("{}, {solver:?}: {mm:.1e} mm, {rad:.1e} rad", case.name);
             assert!(mm < held_to[0] && rad < held_to[1], "{}, {solver:?}: {mm:e} mm, {rad:e} rad", case.name);
