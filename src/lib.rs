@@ -192,29 +192,26 @@
 //! - **Panel**: a part of the window with its own widgets or pictures: `panel::Panel`.
 //! - **Action**: something that the operator can do in a window, by a key, the menu or a button: `panel::ActionEntry`.
 
+#[doc(inline)]
+pub use colvis_scan::{error, math, output, progress, volume};
+pub(crate) use colvis_scan::{memory, panics};
+
 pub mod app;
 pub mod cli;
 pub mod components;
 pub mod coverage;
 pub mod dynamics;
-pub mod error;
 pub mod fields;
 pub mod host;
-pub mod math;
-pub(crate) mod memory;
-pub mod output;
-pub(crate) mod panics;
 pub mod phantom;
 pub mod plane;
 pub mod polyps;
-pub mod progress;
 pub mod render;
 pub mod report;
 pub mod schedule;
 pub mod space;
 pub mod surface;
 pub mod testing;
-pub mod volume;
 
 #[expect(
     clippy::needless_pass_by_value,

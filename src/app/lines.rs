@@ -58,7 +58,7 @@ pub(super) fn with_line(text: &str, e: Error) -> Error {
     let nested = format!(".{name}");
     let is_meant = |s: &&Setting| s.name == name || (name.contains('.') && s.name.ends_with(&nested));
     match settings(text).iter().find(is_meant) {
-        Some(setting) => Error { what: format!("line {}: {}", line(text, setting.place.start), e.what), ..e },
+        Some(setting) => e.named(|what| format!("line {}: {what}", line(text, setting.place.start))),
         None => e,
     }
 }

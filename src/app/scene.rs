@@ -182,7 +182,7 @@ impl Scene {
             let why = format!("cannot be read ({})", crate::output::plain(&e));
             Error::file(path, why, "give a scene file").caused_by(e)
         })?;
-        Self::parse(&text, catalog).map_err(|e| Error { what: format!("{}: {}", path.display(), e.what), ..e })
+        Self::parse(&text, catalog).map_err(|e| e.named(|what| format!("{}: {what}", path.display())))
     }
 
     /// Parses the text of a scene file. Guides, presets, cameras, shaders, overlays and plug-ins are looked up in `catalog`.
@@ -511,7 +511,7 @@ fn named_options(
         if plugins.configure(&name, options)? {
             continue;
         }
-        let in_table = |e: Error| Error { what: format!("[{name}] {}", e.what), ..e };
+        let in_table = |e: Error| e.named(|what| format!("[{name}] {what}"));
         if let Ok(preset) = catalog.find_preset(&name) {
             ask_plugin(|| format!("preset {name}"), || (preset.check)(options)).map_err(in_table)?;
         } else if let Ok(shader) = catalog.find_shader(&name) {
@@ -539,7 +539,7 @@ fn overlay_options(tables: toml::Table, catalog: &Catalog) -> Result<BTreeMap<St
         };
         let options = Options::new(table);
         ask_plugin(|| format!("overlay {name}"), || (overlay.check)(options))
-            .map_err(|e| Error { what: format!("[overlay.{name}] {}", e.what), ..e })?;
+            .map_err(|e| e.named(|what| format!("[overlay.{name}] {what}")))?;
         overlays.insert(name, options);
     }
     Ok(overlays)

@@ -154,8 +154,7 @@ impl Plugins {
 
 /// Names the table of settings in an error.
 fn in_table(name: &str, e: Error) -> Error {
-    let named = e.what.contains(name);
-    Error { what: if named { e.what } else { format!("[{name}] {}", e.what) }, ..e }
+    e.named(|what| if what.contains(name) { what.to_owned() } else { format!("[{name}] {what}") })
 }
 
 impl fmt::Debug for Plugins {

@@ -55,14 +55,14 @@ EQUIVALENT = ROOT / "tests/bench/equivalent.txt"
 # Folders of the table: the paths that belong to each.
 FOLDERS = {
     "render": ["src/render", "src/surface"],
-    "space, math": ["src/space", "src/math"],
+    "space, math": ["src/space", "src/scan/math"],
     "fields": ["src/fields"],
     "dynamics": ["src/dynamics"],
-    "volume": ["src/volume"],
+    "volume": ["src/scan/volume"],
     "systems": ["systems", "src/components"],
-    "app, schedule": ["src/app", "src/schedule", "src/error.rs", "src/panics.rs", "src/progress.rs", "src/memory.rs"],
+    "app, schedule": ["src/app", "src/schedule", "src/scan/error.rs", "src/scan/panics.rs", "src/scan/progress.rs", "src/scan/memory.rs"],
     "host": ["src/host"],
-    "cli, output": ["src/cli", "src/output"],
+    "cli, output": ["src/cli", "src/scan/output"],
     "phantom": ["src/phantom"],
     "plane": ["src/plane"],
 }

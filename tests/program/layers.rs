@@ -22,17 +22,26 @@ fn layers(lib: &str) -> BTreeMap<String, usize> {
     all
 }
 
-/// Returns the paths that point upwards or sideways in the crate with this root: `file:line: module uses path`.
+/// Returns the root of the crate and those of the members of its workspace in the folders beside it, whose modules it re-exports.
+fn roots(lib: &Path) -> Vec<SourceFile> {
+    let beside = std::fs::read_dir(lib.parent().unwrap()).unwrap().map(|e| e.unwrap().path().join("lib.rs"));
+    let mut all: Vec<PathBuf> = beside.filter(|p| p.is_file()).chain([lib.to_owned()]).collect();
+    all.sort();
+    all.iter().map(|p| SourceFile::read(p, Vec::new())).collect()
+}
+
+/// Returns the paths that point upwards or sideways in the crate with this root and in its members: `file:line: module uses path`.
 fn upward(lib: &Path) -> Vec<String> {
-    let root = SourceFile::read(lib, Vec::new());
-    let layers = layers(&root.text);
+    let mut files = roots(lib);
+    let layers = layers(&std::fs::read_to_string(lib).unwrap());
     let mut wrong = Vec::new();
-    for (name, ..) in root.modules() {
-        if !layers.contains_key(&name) {
-            wrong.push(format!("{}: {name} is in no line of the table of layers", lib.display()));
+    for root in &files {
+        for (name, ..) in root.modules() {
+            if !layers.contains_key(&name) {
+                wrong.push(format!("{}: {name} is in no line of the table of layers", root.path.display()));
+            }
         }
     }
-    let mut files = vec![root];
     while let Some(file) = files.pop() {
         for (name, path) in file.modules() {
             let module = [&file.module[..], &[name]].concat();
@@ -64,9 +73,10 @@ fn nothing_points_upwards() {
 
 #[test]
 fn the_table_names_the_modules_that_there_are() {
-    let lib = SourceFile::read(Path::new("src/lib.rs"), Vec::new());
-    let there: Vec<String> = lib.modules().into_iter().map(|m| m.0).collect();
-    let gone: Vec<String> = layers(&lib.text).into_keys().filter(|m| !there.contains(m)).collect();
+    let lib = Path::new("src/lib.rs");
+    let there: Vec<String> = roots(lib).iter().flat_map(SourceFile::modules).map(|m| m.0).collect();
+    let gone: Vec<String> =
+        layers(&std::fs::read_to_string(lib).unwrap()).into_keys().filter(|m| !there.contains(m)).collect();
     assert!(gone.is_empty(), "in the table of layers and nowhere else: {gone:?}");
 }
 

@@ -153,7 +153,7 @@ fn actions(
     let chosen = Settings::read(&file).and_then(|settings| match settings {
         Some(settings) => Actions::of(guides, overlays, panels, more, &settings.keys)
             .map(Some)
-            .map_err(|e| Error { what: format!("{}: {}", file.display(), e.what), ..e }),
+            .map_err(|e| e.named(|what| format!("{}: {what}", file.display()))),
         None => Ok(None),
     });
     Ok(match chosen {

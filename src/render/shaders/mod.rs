@@ -13,7 +13,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 
 use super::options::Options;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::panics::ask_plugin;
 
 /// Every shader of this crate.
@@ -117,8 +117,7 @@ impl ShaderModel {
     pub fn check(&self) -> Result<()> {
         let shader = format!("shader {}", self.name);
         self.shader().map(drop).map_err(|e| {
-            let what = if e.what.starts_with(&shader) { e.what } else { format!("{shader}: {}", e.what) };
-            Error { what, ..e }
+            e.named(|what| if what.starts_with(&shader) { what.to_owned() } else { format!("{shader}: {what}") })
         })
     }
 }

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 /// Returns `count` unit directions, evenly spread: a Fibonacci lattice on the sphere.
-pub(crate) fn directions(count: usize) -> impl Iterator<Item = DVec3> {
+pub fn directions(count: usize) -> impl Iterator<Item = DVec3> {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     (0..count).map(move |n| {
         let z = 1.0 - (2.0 * n as f64 + 1.0) / count as f64;

@@ -1,8 +1,10 @@
 //! A scan: Hounsfield units on a regular grid, and the grid's position in the patient.
 
-pub(crate) mod cell;
+#[doc(hidden)]
+pub mod cell;
 mod grid;
-pub(crate) mod hounsfield;
+#[doc(hidden)]
+pub mod hounsfield;
 pub mod io;
 mod position;
 
@@ -17,6 +19,7 @@ pub const AIR_HU: i16 = -1024;
 /// A CT volume: one `i16` HU per voxel, x fastest, then y, then z.
 ///
 /// ```
+/// # use colvis_scan as colvis;
 /// use colvis::volume::{Grid, Volume};
 /// use glam::{DMat3, DVec3};
 ///
@@ -46,6 +49,7 @@ impl Volume {
     /// Like [`Volume::new`], for values whose number is not known to match.
     ///
     /// ```
+    /// # use colvis_scan as colvis;
     /// use colvis::volume::{Grid, Volume};
     /// use glam::{DMat3, DVec3};
     ///
@@ -88,7 +92,8 @@ impl Volume {
     }
 
     /// Returns all values to be changed. The grid stays.
-    pub(crate) fn data_mut(&mut self) -> &mut [i16] {
+    #[doc(hidden)]
+    pub fn data_mut(&mut self) -> &mut [i16] {
         &mut self.data
     }
 

@@ -11,6 +11,7 @@ use crate::panics;
 /// Progress of one job, cheap to update from any thread. A clone refers to the same job.
 ///
 /// ```
+/// # use colvis_scan as colvis;
 /// use colvis::progress::Progress;
 ///
 /// let progress = Progress::new();
@@ -70,20 +71,17 @@ impl Progress {
     /// tells so.
     ///
     /// ```
-    /// use std::sync::{Arc, Mutex};
+    /// # use colvis_scan as colvis;
+    /// use std::sync::mpsc::channel;
     ///
-    /// use colvis::app::{OpenOptions, Scan};
     /// use colvis::progress::Progress;
     ///
-    /// let stages = Arc::new(Mutex::new(Vec::new()));
-    /// let told = Arc::clone(&stages);
-    /// let progress = Progress::with_callback(move |stage, share| {
-    ///     if share.is_none_or(|s| s == 0.0) {
-    ///         told.lock().unwrap().push(stage.to_owned());
-    ///     }
-    /// });
-    /// Scan::phantom_with(1, &OpenOptions { progress: Arc::new(progress), ..OpenOptions::default() })?;
-    /// assert!(!stages.lock().unwrap().is_empty());
+    /// let (send, changes) = channel();
+    /// let progress = Progress::with_callback(move |stage, share| send.send((stage.to_owned(), share)).unwrap());
+    /// // A scan that is opened with it (`OpenOptions::progress`) calls these.
+    /// progress.stage("reading", 4);
+    /// progress.advance(2)?;
+    /// assert_eq!(changes.try_iter().collect::<Vec<_>>(), [("reading".to_owned(), Some(0.0)), ("reading".to_owned(), Some(0.5))]);
     /// # Ok::<(), colvis::error::Error>(())
     /// ```
     pub fn with_callback(on_change: impl Fn(&str, Option<f64>) + Send + Sync + 'static) -> Self {

@@ -5,7 +5,7 @@ use glam::{DVec3, IVec3};
 /// Returns the offsets of a lattice of `step` (mm) within `reach_mm`, shortest first, along `axes` only.
 ///
 /// Ties are ordered by z, then y, then x, lowest first, so the result is deterministic.
-pub(crate) fn nearest_first(reach_mm: f64, step: f64, axes: IVec3) -> Vec<DVec3> {
+pub fn nearest_first(reach_mm: f64, step: f64, axes: IVec3) -> Vec<DVec3> {
     let n = axes * (reach_mm / step) as i32;
     let mut offsets: Vec<DVec3> = (-n.z..=n.z)
         .flat_map(|z| (-n.y..=n.y).flat_map(move |y| (-n.x..=n.x).map(move |x| IVec3::new(x, y, z))))

@@ -8,7 +8,7 @@ use super::Volume;
 
 /// Returns the eight corner values of the cell at `base`: x fastest, then y, then z.
 #[inline(always)]
-pub(crate) fn corners(volume: &Volume, base: [i64; 3]) -> [i16; 8] {
+pub fn corners(volume: &Volume, base: [i64; 3]) -> [i16; 8] {
     let dims = volume.grid().dims();
     let inside = |a: usize| base[a] >= 0 && (base[a] as usize) + 1 < dims[a];
     if inside(0) && inside(1) && inside(2) {
@@ -27,25 +27,25 @@ pub(crate) fn corners(volume: &Volume, base: [i64; 3]) -> [i16; 8] {
 
 /// A cell's value as a polynomial in the coordinates within it: k₀ + k₁u + k₂v + k₃w + k₄uv + k₅uw + k₆vw + k₇uvw.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Cell([f64; 8]);
+pub struct Cell([f64; 8]);
 
 impl Cell {
     /// Loads the cell whose lowest corner is the voxel `base`. Voxels outside the volume are air.
     #[inline]
-    pub(crate) fn load(volume: &Volume, base: [i64; 3]) -> Self {
+    pub fn load(volume: &Volume, base: [i64; 3]) -> Self {
         Self::new(corners(volume, base))
     }
 
     /// Creates a cell from its corner values, HU, x fastest.
     #[inline]
-    pub(crate) fn new(corners: [i16; 8]) -> Self {
+    pub fn new(corners: [i16; 8]) -> Self {
         let [a, b, c, d, e, f, g, h] = corners.map(f64::from);
         Self([a, b - a, c - a, e - a, d - c - b + a, f - e - b + a, g - e - c + a, h - g - f + e - d + c + b - a])
     }
 
     /// Returns the HU at `p`, in voxels from the lowest corner.
     #[inline]
-    pub(crate) fn at(&self, p: DVec3) -> f64 {
+    pub fn at(&self, p: DVec3) -> f64 {
         let [k0, k1, k2, k3, k4, k5, k6, k7] = self.0;
         let (u, v, w) = (p.x, p.y, p.z);
         k0 + k1 * u + k2 * v + k3 * w + k4 * u * v + k5 * u * w + k6 * v * w + k7 * u * v * w
@@ -53,7 +53,7 @@ impl Cell {
 
     /// Returns the value at `p + s·d` as a cubic in s: its coefficients, lowest power first. `p` and `d` are in voxels.
     #[inline]
-    pub(crate) fn along(&self, p: DVec3, d: DVec3) -> [f64; 4] {
+    pub fn along(&self, p: DVec3, d: DVec3) -> [f64; 4] {
         let [_, k1, k2, k3, k4, k5, k6, k7] = self.0;
         let (u, v, w) = (p.x, p.y, p.z);
         let (du, dv, dw) = (d.x, d.y, d.z);

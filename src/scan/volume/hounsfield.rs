@@ -19,7 +19,7 @@ const HALF: i32 = 40;
 
 /// How values differ from HU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Oddity {
+pub enum Oddity {
     /// Gas lies elsewhere: its value, and that minus −1000.
     Offset {
         /// The value of gas.
@@ -53,12 +53,12 @@ impl fmt::Display for Oddity {
 
 impl Oddity {
     /// What to do where a colon was asked for. Values without air may be HU, of a scan without gas.
-    pub(crate) fn hint(self) -> &'static str {
+    pub fn hint(self) -> &'static str {
         if self.is_clear() { "give a scan in HU" } else { "give a scan in HU, with gas in the colon" }
     }
 
     /// True if the values are clearly no HU, not only without air.
-    pub(crate) fn is_clear(self) -> bool {
+    pub fn is_clear(self) -> bool {
         !matches!(self, Self::NoAir(..))
     }
 }
@@ -66,7 +66,7 @@ impl Oddity {
 /// Tells how the values of a scan differ from HU; `None` if air lies where it does in HU.
 ///
 /// A sample of rows is counted first. Only if that has no air, all voxels are.
-pub(crate) fn oddity(volume: &Volume) -> Option<Oddity> {
+pub fn oddity(volume: &Volume) -> Option<Oddity> {
     let data = volume.data();
     if data.len() < LEAST_VOXELS {
         return None;

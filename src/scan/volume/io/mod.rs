@@ -80,6 +80,7 @@ enum Format {
 /// Reads any supported input.
 ///
 /// ```
+/// # use colvis_scan as colvis;
 /// use colvis::progress::Progress;
 /// use colvis::volume::io::{self, LoadOptions};
 /// use colvis::volume::{Grid, Volume};

@@ -2,7 +2,7 @@
 
 /// Returns an entry of the process status, in bytes: `VmRSS`, the resident set, or `VmHWM`, its peak. `None` if the system does
 /// not report it (only Linux does).
-pub(crate) fn resident_bytes(entry: &str) -> Option<u64> {
+pub fn resident_bytes(entry: &str) -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let value = status.lines().find_map(|l| l.strip_prefix(entry)?.strip_prefix(':'))?;
     value.trim().trim_end_matches("kB").trim().parse::<u64>().ok().map(|kib| kib * 1024)

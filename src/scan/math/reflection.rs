@@ -13,7 +13,7 @@ use glam::DVec3;
 /// error is of order 4 in the distance between the points. If two points or two tangents coincide, that reflection is
 /// skipped, because nothing turns there. Rounding errors accumulate: over thousands of points, re-orthogonalise the
 /// normal.
-pub(crate) fn doubly_reflected(r: DVec3, x: [DVec3; 2], t: [DVec3; 2]) -> DVec3 {
+pub fn doubly_reflected(r: DVec3, x: [DVec3; 2], t: [DVec3; 2]) -> DVec3 {
     let mirror = |v: DVec3, normal: DVec3| {
         let c = normal.length_squared();
         if c > 1e-18 { v - normal * (2.0 * normal.dot(v) / c) } else { v }

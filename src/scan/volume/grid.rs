@@ -12,6 +12,7 @@ const SPACING_HINT: &str = "give the distance of neighbouring voxels along each 
 /// `direction` has unit columns. It may be left- or right-handed and oblique (a tilted gantry), but never singular.
 ///
 /// ```
+/// # use colvis_scan as colvis;
 /// use colvis::volume::Grid;
 /// use glam::{DMat3, DVec3};
 ///

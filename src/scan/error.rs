@@ -30,7 +30,8 @@ pub fn program_name() -> &'static str {
 }
 
 /// Tells the name of the program that runs: the file name of its first argument. The first call counts.
-pub(crate) fn set_program_name(first_argument: &OsStr) {
+#[doc(hidden)]
+pub fn set_program_name(first_argument: &OsStr) {
     if let Some(name) = Path::new(first_argument).file_stem().and_then(OsStr::to_str).filter(|n| !n.is_empty()) {
         PROGRAM.get_or_init(|| name.to_owned());
     }
@@ -55,6 +56,7 @@ pub enum Kind {
 /// A failure, printed as `WHAT: WHY; HINT` on one line.
 ///
 /// ```
+/// # use colvis_scan as colvis;
 /// use colvis::error::Error;
 ///
 /// let e = Error::usage("--fov", "0 is not between 0 and 180", "give an angle such as 90");
@@ -95,6 +97,12 @@ impl Error {
     #[must_use]
     pub fn caused_by(self, cause: impl std::error::Error + Send + Sync + 'static) -> Self {
         Self { cause: Some(Arc::new(cause)), ..self }
+    }
+
+    /// Renames what failed, from its name so far: to say in which file or table it stands.
+    #[must_use]
+    pub fn named(self, what: impl FnOnce(&str) -> String) -> Self {
+        Self { what: what(&self.what), ..self }
     }
 
     /// An internal error: status 1.

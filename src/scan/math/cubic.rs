@@ -2,12 +2,12 @@
 
 /// Value at `s`.
 #[inline]
-pub(crate) fn value(c: [f64; 4], s: f64) -> f64 {
+pub fn value(c: [f64; 4], s: f64) -> f64 {
     c[0] + s * (c[1] + s * (c[2] + s * c[3]))
 }
 
 /// The two zeros of the cubic's derivative, in ascending order; NaN if it has none.
-pub(crate) fn critical_points([_, b, c, d]: [f64; 4]) -> [f64; 2] {
+pub fn critical_points([_, b, c, d]: [f64; 4]) -> [f64; 2] {
     // Solves 3d s² + 2c s + b = 0 in the form without cancellation.
     let disc = c * c - 3.0 * d * b;
     if disc < 0.0 {

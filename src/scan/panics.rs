@@ -18,9 +18,8 @@ thread_local! {
 }
 
 /// The work panicked and the panic was caught. Its message went to the panic hook.
-#[cfg(any(test, feature = "window", feature = "dicom"))]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Panicked;
+pub struct Panicked;
 
 /// Runs `work` and catches its panic.
 ///
@@ -29,8 +28,7 @@ pub(crate) struct Panicked;
 ///
 /// # Errors
 /// Returns [`Panicked`] if `work` panicked, also on another thread that passes its panics on to this one, as thread pools do.
-#[cfg(any(test, feature = "window", feature = "dicom"))]
-pub(crate) fn catch_panic<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
+pub fn catch_panic<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     FENCES.with(|f| f.set(f.get() + 1));
     let result = catch_unwind(AssertUnwindSafe(work));
     FENCES.with(|f| f.set(f.get() - 1));
@@ -42,7 +40,7 @@ pub(crate) fn catch_panic<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
 ///
 /// # Errors
 /// Returns that message if `work` panicked.
-pub(crate) fn catch<T>(work: impl FnOnce() -> T) -> Result<T, String> {
+pub fn catch<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     FENCES.with(|f| f.set(f.get() + 1));
     let result = catch_unwind(AssertUnwindSafe(work));
     FENCES.with(|f| f.set(f.get() - 1));
@@ -53,31 +51,30 @@ pub(crate) fn catch<T>(work: impl FnOnce() -> T) -> Result<T, String> {
 ///
 /// # Errors
 /// Returns the error of `ask`, or status 1 if it panics.
-pub(crate) fn ask_plugin<T>(what: impl FnOnce() -> String, ask: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
+pub fn ask_plugin<T>(what: impl FnOnce() -> String, ask: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
     catch(ask).unwrap_or_else(|why| Err(Error::fault(what(), format!("panicked: {why}"), "fix it, or do without it")))
 }
 
 /// Returns a panic's message on one line, with its location if known.
-pub(crate) fn panic_text(payload: &(dyn Any + Send)) -> String {
+pub fn panic_text(payload: &(dyn Any + Send)) -> String {
     let text = payload.downcast_ref::<&str>().copied().or(payload.downcast_ref::<String>().map(String::as_str));
     let at = PLACE.with(Cell::take).map_or_else(String::new, |place| format!(" ({place})"));
     format!("{}{at}", text.unwrap_or("no reason given")).replace(char::is_control, " ")
 }
 
 /// Notes the location of a caught panic. For use in a panic hook.
-pub(crate) fn note_place(place: String) {
+pub fn note_place(place: String) {
     PLACE.with(|p| p.set(Some(place)));
 }
 
 /// True if a panic on this thread will be caught. For use in a panic hook. The threads of a pool that the work uses do not know
 /// that they are inside a catch.
-pub(crate) fn is_catching() -> bool {
+pub fn is_catching() -> bool {
     FENCES.try_with(|f| f.get() > 0).unwrap_or(false)
 }
 
 /// Lock for tests that replace the panic hook of the whole process.
-#[cfg(test)]
-pub(crate) static HOOK: std::sync::Mutex<()> = std::sync::Mutex::new(());
+pub static HOOK: std::sync::Mutex<()> = std::sync::Mutex::new(());
 
 #[cfg(test)]
 mod tests {

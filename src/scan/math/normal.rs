@@ -2,7 +2,7 @@
 
 /// Returns Φ(x), the cumulative normal distribution, by Marsaglia's series ("Evaluating the normal distribution",
 /// 2004): Φ = ½ + φ(x)·(x + x³/3 + x⁵/(3·5) + …). Beyond |x| = 6 it returns 0 or 1 (error 10⁻⁹).
-pub(crate) fn cdf(x: f64) -> f64 {
+pub fn cdf(x: f64) -> f64 {
     if x.abs() >= 6.0 {
         return if x < 0.0 { 0.0 } else { 1.0 };
     }
@@ -17,7 +17,7 @@ pub(crate) fn cdf(x: f64) -> f64 {
 }
 
 /// Returns Φ⁻¹(p), by bisection, from −6 to 6.
-pub(crate) fn quantile(p: f64) -> f64 {
+pub fn quantile(p: f64) -> f64 {
     let (mut low, mut high) = (-6.0, 6.0);
     for _ in 0..50 {
         let middle = 0.5 * (low + high);
@@ -34,7 +34,7 @@ pub(crate) fn quantile(p: f64) -> f64 {
 ///
 /// Plackett's formula: Φ₂ = Φ(x)Φ(y) + 1/2π ∫ exp(−(x² + y² − 2xy sin θ) / 2cos²θ) dθ, from 0 to asin ρ, by Gauss's rule of five
 /// points on six intervals that halve towards its end, where the integrand is steepest. Error below 10⁻⁵ for any correlation.
-pub(crate) fn cdf_2(x: f64, y: f64, rho: f64) -> f64 {
+pub fn cdf_2(x: f64, y: f64, rho: f64) -> f64 {
     const GAUSS: [(f64, f64); 5] = [
         (0.046_910_077_030_668, 0.118_463_442_528_095),
         (0.230_765_344_947_158_5, 0.239_314_335_249_683),

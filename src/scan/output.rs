@@ -160,8 +160,8 @@ impl AtomicFile {
     ///
     /// # Errors
     /// As [`AtomicFile::finish`].
-    #[cfg(feature = "window")]
-    pub(crate) fn finish_as(mut self, names: impl Iterator<Item = PathBuf>) -> Result<Option<PathBuf>> {
+    #[doc(hidden)]
+    pub fn finish_as(mut self, names: impl Iterator<Item = PathBuf>) -> Result<Option<PathBuf>> {
         self.sink.flush().map_err(|e| cannot(&self.path, e))?;
         let Sink::Temporary(mut file, _listed) = self.sink.into_parts().0 else { return Ok(None) };
         for name in names {
