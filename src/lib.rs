@@ -67,9 +67,9 @@
 //! |---|---|---|---|---|
 //! | a guide | [`schedule::Guide`] | [`Program::guide`](cli::Program::guide) | `examples/own_guide.rs` | `systems/` |
 //! | where the camera looks | [`schedule::Look`] | [`Program::look`](cli::Program::look) | `examples/own_look.rs` | `systems/looks/` |
-//! | a renderer | [`render::Preset`], [`render::Renderer`] | [`Program::preset`](cli::Program::preset) | `examples/own_renderer.rs` | `src/render/presets/` |
-//! | a camera model | [`render::CameraModel`], [`render::Camera`] | [`Program::camera`](cli::Program::camera) | `examples/own_camera.rs` | `src/render/camera/` |
-//! | a shader | [`render::ShaderModel`], [`render::Shader`] | [`Program::shader`](cli::Program::shader) | `examples/own_shader.rs` | `src/render/shaders/` |
+//! | a renderer | [`render::Preset`], [`render::Renderer`] | [`Program::preset`](cli::Program::preset) | `examples/own_renderer.rs` | `src/imaging/render/presets/` |
+//! | a camera model | [`render::CameraModel`], [`render::Camera`] | [`Program::camera`](cli::Program::camera) | `examples/own_camera.rs` | `src/imaging/render/camera/` |
+//! | a shader | [`render::ShaderModel`], [`render::Shader`] | [`Program::shader`](cli::Program::shader) | `examples/own_shader.rs` | `src/imaging/render/shaders/` |
 //! | an overlay | [`app::Overlay`] | [`Program::overlay`](cli::Program::overlay) | `examples/own_overlay.rs` | `src/app/overlays/` |
 //! | a panel | `panel::Panel`, `panel::PanelEntry` | `Program::panel` | `examples/own_panel.rs` | `src/host/window/panels/` |
 //! | an action in the window | `panel::ActionEntry` | `Program::action` | `examples/own_action.rs` | `src/host/window/actions.rs` |
@@ -77,7 +77,7 @@
 //! | a post-process | a system in [`PostProcess`](schedule::FlightSystems::PostProcess) | a plug-in | `examples/own_post_process.rs` | |
 //! | systems, with settings and state | [`schedule::Plugin`] | [`Program::plugin`](cli::Program::plugin) | `examples/own_plugin.rs`, `examples/test_one_system.rs` | `systems/` |
 //! | statistics of a flight | [`Plugin::stats`](schedule::Plugin::stats) | [`Program::plugin`](cli::Program::plugin) | `examples/own_stats.rs` | |
-//! | a polyp detector | [`polyps::Detector`] | [`Program::detector`](cli::Program::detector) | `examples/own_detector.rs` | `src/polyps/detectors/` |
+//! | a polyp detector | [`polyps::Detector`] | [`Program::detector`](cli::Program::detector) | `examples/own_detector.rs` | `src/imaging/polyps/detectors/` |
 //! | a command | `clap::Args`, [`cli::Session`] | [`Program::command`](cli::Program::command) | `examples/own_command.rs` | `src/cli/` |
 //!
 //! Entries such as [`render::CameraModel`] are filled on a base, `CameraModel { name: "wide", make, ..CameraModel::BASE }`, or
@@ -193,6 +193,12 @@
 //! - **Action**: something that the operator can do in a window, by a key, the menu or a button: `panel::ActionEntry`.
 
 #[doc(inline)]
+pub use colvis_imaging::{polyps, render, space, surface};
+#[doc(inline)]
+pub use colvis_kernels::{dynamics, fields};
+#[doc(inline)]
+pub use colvis_phantom as phantom;
+#[doc(inline)]
 pub use colvis_scan::{error, math, output, progress, volume};
 pub(crate) use colvis_scan::{memory, panics};
 
@@ -200,17 +206,10 @@ pub mod app;
 pub mod cli;
 pub mod components;
 pub mod coverage;
-pub mod dynamics;
-pub mod fields;
 pub mod host;
-pub mod phantom;
 pub mod plane;
-pub mod polyps;
-pub mod render;
 pub mod report;
 pub mod schedule;
-pub mod space;
-pub mod surface;
 pub mod testing;
 
 #[expect(

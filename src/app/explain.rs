@@ -9,7 +9,6 @@ use crate::app::{FlightApp, Setup};
 use crate::components::guide::{MineField, Tentacles};
 use crate::components::output::{FrameCache, Picture};
 use crate::coverage::LiveCoverage;
-use crate::fields::CenterlineMethod;
 use crate::render::{Leaping, MemoryPart};
 use crate::schedule::{LeftOut, PluginTime};
 
@@ -21,12 +20,12 @@ pub struct Built {
     /// Size in bytes.
     pub bytes: usize,
     /// The part of the flight that needs it.
-    pub needed_by: &'static str,
+    pub needed_by: Cow<'static, str>,
 }
 
 impl Built {
-    fn new(part: &'static str, bytes: usize, needed_by: &'static str) -> Self {
-        Self { part: part.into(), bytes, needed_by }
+    fn new<By: Into<Cow<'static, str>>>(part: &'static str, bytes: usize, needed_by: By) -> Self {
+        Self { part: part.into(), bytes, needed_by: needed_by.into() }
     }
 }
 
@@ -76,7 +75,7 @@ pub fn explain(flight: &FlightApp) -> Explanation {
     let [step, frame] = flight.app().inspect().systems();
     let Setup { volume, lumen, scene, fields, cleansed, .. } = flight.setup();
     let cleansed = cleansed.as_ref().filter(|c| !c.changes.is_empty());
-    let part = Built::new;
+    let part = Built::new::<&'static str>;
     let mut built = vec![
         part("volume (16 bit)", volume.voxels().bytes(), "everything"),
         part("lumen (runs)", lumen.bytes(), "start and end of the flight"),
@@ -105,7 +104,11 @@ pub fn explain(flight: &FlightApp) -> Explanation {
         built.push(part("target distance field", t.bytes(), "the guide: D_t"));
     }
     if let Some(r) = fields.route() {
-        built.push(part("centerline", r.bytes(), planned_by(scene.needs().planner)));
+        built.push(Built::new(
+            "centerline",
+            r.bytes(),
+            format!("the guide: its plan (planner {})", scene.needs().planner.name()),
+        ));
     }
     let pixels = |p: &Picture| p.frame.width() * p.frame.height() * size_of::<[u8; 3]>();
     if let Some(p) = flight.camera::<Picture>() {
@@ -113,7 +116,7 @@ pub fn explain(flight: &FlightApp) -> Explanation {
     }
     for (n, (view, cache)) in flight.other_views().into_iter().enumerate() {
         let bytes = pixels(view) + cache.renderer().map_or(0, |r| r.bytes().saturating_sub(volume.bytes()));
-        built.push(Built { part: format!("view {}", n + 2).into(), bytes, needed_by: "a plug-in" });
+        built.push(Built { part: format!("view {}", n + 2).into(), bytes, needed_by: "a plug-in".into() });
     }
     let slices: usize = views::slices(flight.app()).iter().map(|s| s.bytes()).sum();
     if slices > 0 {
@@ -179,16 +182,6 @@ pub fn explain(flight: &FlightApp) -> Explanation {
         cleansed: cleansed.map(|c| Taken { text: c.to_string(), seconds: None }),
         built,
         left_out,
-    }
-}
-
-/// Names what needs the centerline, and the method that found it.
-fn planned_by(planner: CenterlineMethod) -> &'static str {
-    match planner {
-        CenterlineMethod::PenalisedPath => "the guide: its plan (planner penalised)",
-        CenterlineMethod::PeelOnion => "the guide: its plan (planner peel-onion)",
-        CenterlineMethod::Roadmap => "the guide: its plan (planner roadmap)",
-        CenterlineMethod::Cells => "the guide: its plan (planner cell-decomposition)",
     }
 }
 

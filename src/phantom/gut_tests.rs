@@ -1,7 +1,7 @@
 //! What lies beside the colon: room, volumes, the valve, collapsed stretches, names and labels.
 
 use super::*;
-use crate::phantom::profile::WALL_HU;
+use crate::profile::WALL_HU;
 
 fn all(size: Size, seed: u64) -> Phantom {
     let rest = PhantomSettings { polyps: false, noise: false, ..PhantomSettings::default() };

@@ -3,7 +3,7 @@ use std::f64::consts::PI;
 use super::ground::{APART_MM, Ground};
 use super::solid::{Ellipsoid, Rod};
 use super::*;
-use crate::phantom::lesions::Lesion;
+use crate::lesions::Lesion;
 
 fn with_lesions(size: Size, seed: u64, pools: bool) -> Phantom {
     let settings = PhantomSettings { size, seed, pools, lesions: true, noise: false, ..PhantomSettings::default() };

@@ -67,6 +67,7 @@ impl Default for Scanner {
 /// Selects the features of a phantom.
 ///
 /// ```
+/// # use colvis_phantom as colvis;
 /// use colvis::phantom::{Phantom, PhantomSettings, Size};
 ///
 /// let phantom = Phantom::new(&PhantomSettings { size: Size::Small, seed: 3, ..PhantomSettings::default() });

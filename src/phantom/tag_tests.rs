@@ -1,7 +1,7 @@
 use super::*;
-use crate::phantom::profile::GAS;
-use crate::phantom::{Phantom, PhantomSettings, Scanner, Size};
+use crate::profile::GAS;
 use crate::progress::Progress;
+use crate::{Phantom, PhantomSettings, Scanner, Size};
 
 const TAGGED: PhantomSettings = PhantomSettings {
     size: Size::Small,

@@ -2,8 +2,8 @@ use std::f64::consts::PI;
 
 use super::room::loop_clearance;
 use super::*;
-use crate::phantom::features::CHANNEL_MM;
-use crate::phantom::profile::WALL_HU;
+use crate::features::CHANNEL_MM;
+use crate::profile::WALL_HU;
 
 fn make(size: Size, seed: u64) -> Phantom {
     Phantom::new(&PhantomSettings { size, seed, ..PhantomSettings::default() })

@@ -99,7 +99,7 @@ mod tests {
 
     use super::*;
     use crate::error::Kind;
-    use crate::phantom::{Scanner, Size};
+    use crate::{Scanner, Size};
 
     fn phantom(noise: bool, slice_mm: Option<f64>, noise_hu: f64) -> Phantom {
         let settings = PhantomSettings { size: Size::Small, noise, ..PhantomSettings::default() };

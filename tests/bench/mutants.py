@@ -54,10 +54,10 @@ EQUIVALENT = ROOT / "tests/bench/equivalent.txt"
 
 # Folders of the table: the paths that belong to each.
 FOLDERS = {
-    "render": ["src/render", "src/surface"],
-    "space, math": ["src/space", "src/scan/math"],
-    "fields": ["src/fields"],
-    "dynamics": ["src/dynamics"],
+    "render": ["src/imaging/render", "src/imaging/surface"],
+    "space, math": ["src/imaging/space", "src/scan/math"],
+    "fields": ["src/kernels/fields"],
+    "dynamics": ["src/kernels/dynamics"],
     "volume": ["src/scan/volume"],
     "systems": ["systems", "src/components"],
     "app, schedule": ["src/app", "src/schedule", "src/scan/error.rs", "src/scan/panics.rs", "src/scan/progress.rs", "src/scan/memory.rs"],

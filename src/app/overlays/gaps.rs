@@ -74,7 +74,7 @@ fn text(stretch: &Stretch) -> String {
     match stretch.kind {
         StretchKind::Collapsed => format!("collapsed, {:.0} mm: a guess", stretch.length_mm),
         StretchKind::Fluid => format!("fluid, {:.0} mm", stretch.length_mm),
-        StretchKind::Gas => String::new(),
+        _ => String::new(),
     }
 }
 

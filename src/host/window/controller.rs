@@ -25,7 +25,7 @@ use super::assistant::Assistant;
 use super::cleansing::Cleansing;
 use super::directions::Directions;
 use super::field_job::FieldJob;
-use super::figures::{Figures, angle, detail};
+use super::figures::{Figures, angle};
 use super::framebuffer::{Framebuffer, PresentResult};
 use super::keys::HeldKeys;
 use super::kinds::Kinds;
@@ -666,7 +666,7 @@ impl FlightController {
     /// Switches between high and low detail.
     pub(crate) fn switch_detail(&mut self, ActionContext { now, .. }: ActionContext) {
         if let Some(quality) = self.view_renderer.switch_detail(&mut self.flight) {
-            self.say(format!("detail: {}", detail(quality)), now);
+            self.say(format!("detail: {}", quality.name()), now);
         }
     }
 

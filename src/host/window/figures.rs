@@ -123,7 +123,7 @@ impl Figures {
         // Beyond the finder's reach a clearance is a lower bound.
         let bound = if clearance > 10.0 { "over 10".to_owned() } else { format!("{clearance:.1}") };
         self.own[1] = format!("clearance {bound} mm");
-        self.own[2] = format!("detail {}", detail(quality_of(flight).unwrap_or_default()));
+        self.own[2] = format!("detail {}", quality_of(flight).unwrap_or_default().name());
         let usual = flight.setup().scene.image.fov_degrees;
         let other = flight.camera::<Picture>().map(|p| p.fov_degrees).filter(|&d| d != usual);
         let view = other.map_or_else(String::new, |d| format!(", view {}", angle(d)));
@@ -142,13 +142,4 @@ impl Figures {
 /// Formats a view angle: "74.4°".
 pub(crate) fn angle(degrees: f64) -> String {
     format!("{}°", (degrees * 10.0).round() / 10.0)
-}
-
-/// Returns the name of a level of detail.
-pub(crate) fn detail(quality: Quality) -> &'static str {
-    match quality {
-        Quality::High => "high",
-        Quality::Low => "low",
-        Quality::Reference => "reference",
-    }
 }

@@ -43,21 +43,19 @@ pub(crate) const CHOICES: [(Option<GasKind>, &str, &str); 7] = [
     (None, "As judged", "kind-as-judged"),
 ];
 
-/// The kinds of the legend, in its order.
-pub(crate) const LEGEND: [GasKind; 6] =
-    [GasKind::Colon, GasKind::Unknown, GasKind::SmallBowel, GasKind::Stomach, GasKind::Lung, GasKind::Trachea];
+/// The kinds of the legend, in its order, with their colours.
+pub(crate) const LEGEND: [(GasKind, [u8; 3]); 6] = [
+    (GasKind::Colon, [60, 220, 90]),
+    (GasKind::Unknown, [250, 230, 60]),
+    (GasKind::SmallBowel, [255, 140, 30]),
+    (GasKind::Stomach, [190, 90, 255]),
+    (GasKind::Lung, [70, 120, 255]),
+    (GasKind::Trachea, [60, 225, 235]),
+];
 
 /// Returns the colour of a kind; `None` if it is not coloured.
 pub(crate) fn colour(kind: GasKind) -> Option<[u8; 3]> {
-    match kind {
-        GasKind::Colon => Some([60, 220, 90]),
-        GasKind::Unknown => Some([250, 230, 60]),
-        GasKind::SmallBowel => Some([255, 140, 30]),
-        GasKind::Stomach => Some([190, 90, 255]),
-        GasKind::Lung => Some([70, 120, 255]),
-        GasKind::Trachea => Some([60, 225, 235]),
-        GasKind::Outside => None,
-    }
+    LEGEND.iter().find(|(k, _)| *k == kind).map(|(_, colour)| *colour)
 }
 
 /// Returns the name of a kind in a legend.

@@ -19,16 +19,18 @@ pub(crate) const FIXED: [(&str, &dyn Stepper); 8] = [
 
 /// Returns the report's name for an integrator of a scene file.
 pub(crate) fn label(integrator: Integrator) -> &'static str {
-    let number = match integrator {
-        Integrator::ExplicitEuler => 0,
-        Integrator::SemiImplicitEuler => 1,
-        Integrator::ExponentialEuler => 2,
-        Integrator::BackwardEuler => 3,
-        Integrator::ImplicitMidpoint => 4,
-        Integrator::Rosenbrock => 5,
-        Integrator::Rk4 => 6,
-        Integrator::DormandPrince => 7,
-    };
+    use Integrator as I;
+    let order = [
+        I::ExplicitEuler,
+        I::SemiImplicitEuler,
+        I::ExponentialEuler,
+        I::BackwardEuler,
+        I::ImplicitMidpoint,
+        I::Rosenbrock,
+        I::Rk4,
+        I::DormandPrince,
+    ];
+    let number = order.iter().position(|i| *i == integrator).expect("every integrator is compared");
     FIXED[number].0
 }
 

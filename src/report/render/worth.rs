@@ -186,7 +186,7 @@ pub(crate) fn tell(page: &mut Page, s: &Subject, taken: &[Taken], extent: &Exten
 pub(crate) fn table(taken: &[Taken], volume: usize) -> Table {
     let mut t = Table::new(&[
         "idea",
-        "src/render/",
+        "src/imaging/render/",
         "setting",
         "frame with it / ms",
         "frame without it / ms",

@@ -295,12 +295,7 @@ fn lesion(measured: &Measured, ui: &mut Ui, requests: &mut Requests) {
             return;
         }
     };
-    let form = match m.form {
-        Form::Sessile => "sessile",
-        Form::Stalked => "stalked",
-        Form::Flat => "flat",
-    };
-    let l = &m.lesion;
+    let (l, form) = (&m.lesion, m.form.name());
     ui.label(format!("{:.1} mm wide, {:.1} mm high, {:.0} mm³, {form}", l.diameter_mm, l.height_mm, l.volume_mm3));
     let [mean, sd] = ["hu_mean", "hu_sd"].map(|name| l.feature(name));
     ui.label(format!("{mean:.0} ± {sd:.0} HU inside; confidence in the measures {:.2}", m.confidence));

@@ -60,7 +60,7 @@ fn swatch(kind: GasKind, words: &str, ui: &mut Ui) {
 
 fn legend(kinds: &Kinds, ui: &mut Ui) {
     let volumes = kinds.volumes();
-    for kind in LEGEND {
+    for (kind, _) in LEGEND {
         let ml = volumes.map(|ml| ml[kind.number()]);
         // A volume of less than a millilitre is noise.
         let ml = ml.map_or_else(String::new, |ml| if ml < 0.5 { "  none".to_owned() } else { format!("  {ml:.0} ml") });

@@ -1,0 +1,223 @@
+//! Electronic cleansing: the scan with the colon's tagged fluid replaced by gas and the wall beneath restored.
+//!
+//! A voxel holds three materials: tissue, and gas or tag in the lumen. Pools of fluid have a level that is a plane, which tells what gas
+//! and tag alone would show; the rest of a voxel is tissue (`pool`). Films and stool are layers on the wall (`residue`, `layer`); what
+//! cannot be told from a thin wall stays. What changes is kept as [`Changes`]: the scan stays as it is, or exchanges its values with
+//! them. Values farther than 5 mm from what was taken stay as they are.
+//!
+//! No value depends on the number of threads: the scan is worked on in bricks, each by itself.
+
+mod block;
+mod changes;
+mod islands;
+mod layer;
+mod pool;
+mod pools;
+mod residue;
+mod scanner;
+mod slab;
+
+use std::fmt;
+
+use super::Lumen;
+use super::lumen::Segment;
+use crate::error::Result;
+use crate::progress::Progress;
+use crate::volume::Volume;
+
+pub use changes::Changes;
+pub use pool::CleansedPool;
+
+/// HU of gas and of the colon's wall.
+const GAS: f32 = -1000.0;
+const TISSUE: f32 = 40.0;
+
+/// Wall begins here, HU, and these are surely gas and surely wall.
+const WALL_HU: i16 = -650;
+const FREE_HU: i16 = -690;
+const SOLID_HU: i16 = -610;
+
+/// A scan's colon without tag.
+#[derive(Clone, Debug, Default)]
+pub struct Cleansed {
+    /// The values around what was taken out; some are as they were.
+    pub changes: Changes,
+    /// The pools that were taken out.
+    pub pools: Vec<CleansedPool>,
+    /// Volume of the films and the stool that were taken out, ml.
+    pub residue_ml: f64,
+    /// Volume of all tag that was taken out, ml.
+    pub replaced_ml: f64,
+    /// Tag that was left.
+    pub left: Vec<Left>,
+    /// Standard deviation of the scan's blur, mm; 0 without tag, where nobody asks.
+    pub blur_mm: f64,
+}
+
+/// Tag that was not taken out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Left {
+    /// Volume, ml.
+    pub ml: f64,
+    /// Why.
+    pub why: &'static str,
+}
+
+impl fmt::Display for Cleansed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.changes.is_empty() {
+            return f.write_str("there is no tag in the colon: the scan stays as it is");
+        }
+        let pools = self.pools.len();
+        write!(f, "took {:.1} ml of tag out of the colon, in {pools} ", self.replaced_ml)?;
+        f.write_str(if pools == 1 { "pool" } else { "pools" })?;
+        if self.residue_ml > 0.0 {
+            write!(f, " and {:.1} ml of films and stool", self.residue_ml)?;
+        }
+        let left: f64 = self.left.iter().map(|l| l.ml).sum();
+        if left > 0.05 { write!(f, "; left {left:.1} ml") } else { Ok(()) }
+    }
+}
+
+/// What is known of the scanner.
+#[derive(Clone, Copy, Debug)]
+struct Scanner {
+    /// Standard deviation of its blur, mm.
+    blur_mm: f64,
+    /// Its gas, HU.
+    gas_hu: f32,
+}
+
+/// Takes the tag out of a lumen.
+///
+/// # Errors
+/// Returns status 4 if interrupted.
+pub fn cleanse(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Cleansed> {
+    let (mut made, pools, scanner) = pools_of(volume, lumen, progress)?;
+    // Whatever is bright where a pool was is the pool's.
+    let mut taken = residue::Bits::new(volume.grid().len());
+    pools.runs().for_each(|(voxels, _)| taken.fill(voxels));
+    let ml: f64 = made.pools.iter().map(|p| p.ml).sum();
+    let usual = made.pools.iter().map(|p| p.ml * p.tag_hu).sum::<f64>() / ml;
+    let usual = if ml > 0.0 { usual } else { f64::INFINITY };
+    let residue = residue::cleanse(volume, lumen, &taken, usual, &scanner, progress)?;
+    let below = pools.over(&Changes::joined(&residue.looked_at));
+    made.changes = Changes::joined(&residue.changed).over(&below);
+    drop((pools, below, residue.changed, residue.looked_at));
+    islands::clear(volume, &mut made.changes, taken, progress)?;
+    made.replaced_ml += residue.ml;
+    made.residue_ml = residue.ml;
+    made.left = summed(made.left.into_iter().chain(residue.left));
+    Ok(made)
+}
+
+/// Takes only pools out of a lumen, and keeps every wall and every way of the scan: fluid becomes gas throughout, and whatever else was
+/// no gas stays wall, with the values that were found where it lies under fluid. A wall thinner than the scanner's blur may have none
+/// of its brightness left between gas and fluid: what is shown may then have a hole there, and what is flown may not.
+///
+/// # Errors
+/// Returns status 4 if interrupted.
+#[doc(hidden)]
+pub fn to_fly(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Cleansed> {
+    let (mut made, pools, _) = pools_of(volume, lumen, progress)?;
+    let grid = volume.grid();
+    let mut fluid = residue::Bits::new(grid.len());
+    let mut all = Vec::new();
+    for (j, k, r) in lumen.fluid().iter() {
+        let row = grid.index(0, j, k);
+        fluid.fill(row + r.start as usize..row + r.end as usize);
+        all.push((row + r.start as usize, r.len() as usize));
+    }
+    made.changes = pools;
+    made.changes.adjust(|n, hu| {
+        if fluid.has(n) {
+            hu.min(FREE_HU)
+        } else if volume.data()[n] > WALL_HU {
+            hu.max(SOLID_HU)
+        } else {
+            hu.min(WALL_HU)
+        }
+    });
+    let gas = Changes::from_sorted(all.into_iter().flat_map(|(n, count)| (n..n + count).map(|n| (n, GAS as i16))));
+    made.changes = made.changes.over(&gas);
+    // What is told is what the flight sees: all fluid is gone.
+    made.left.clear();
+    made.replaced_ml = lumen.fluid_ml();
+    Ok(made)
+}
+
+/// Takes the pools out. Returns what is known then, the new values, and the scanner.
+fn pools_of(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<(Cleansed, Changes, Scanner)> {
+    progress.check()?;
+    let split = pools::split(volume.grid(), lumen, progress)?;
+    let mut fluids: Vec<pool::Fluid> = Vec::new();
+    let mut unknown = 0;
+    if let Some(split) = &split {
+        fluids.extend((0..split.count as u32).map(|label| pool::Fluid { label, runs: Vec::new() }));
+        for ((j, k, r), label) in lumen.fluid().iter().zip(&split.labels) {
+            match label {
+                Some(label) => fluids[*label as usize].runs.push((j, k, r.range())),
+                None => unknown += r.len(),
+            }
+        }
+        // Another level may be nearer to all of its fluid.
+        fluids.retain(|f| !f.runs.is_empty());
+    }
+    let scanner = Scanner { blur_mm: scanner::blur_mm(volume, lumen), gas_hu: scanner::gas_hu(volume, lumen) };
+    let pools = match &split {
+        Some(split) => pool::cleanse(volume, lumen, split, &fluids, &scanner, progress)?,
+        None => pool::Pools::default(),
+    };
+    let mut left = pools.left;
+    if unknown > 0 {
+        left.push(Left { ml: f64::from(unknown) * volume.grid().voxel_ml(), why: pool::NO_LEVEL });
+    }
+    let made = Cleansed {
+        replaced_ml: pools.taken.iter().map(|p| p.ml).sum(),
+        pools: pools.taken,
+        left: summed(left.into_iter()),
+        blur_mm: scanner.blur_mm,
+        ..Cleansed::default()
+    };
+    Ok((made, Changes::joined(&pools.changed), scanner))
+}
+
+/// Adds up what was left for the same reason.
+fn summed(left: impl Iterator<Item = Left>) -> Vec<Left> {
+    let mut out: Vec<Left> = Vec::new();
+    for one in left {
+        match out.iter_mut().find(|l| l.why == one.why) {
+            Some(known) => known.ml += one.ml,
+            None => out.push(one),
+        }
+    }
+    out
+}
+
+/// Keeps the ends of a scan's segments in the lumen without tag, if their order from rectum to cecum was known. Where the fluid was,
+/// the lumen may lead on into bowel beyond them, which is not flown.
+#[doc(hidden)]
+pub fn keep_ends(cleansed: &mut Lumen, before: &Lumen) {
+    if !before.ordered {
+        return;
+    }
+    for n in 0..cleansed.segments.len() {
+        let holds = |s: &&Segment| s.ends.iter().all(|&e| cleansed.segment_at(e) == Some(n));
+        let mut joined = before.segments.iter().filter(holds);
+        if let Some(first) = joined.next() {
+            let last = joined.next_back().unwrap_or(first);
+            cleansed.segments[n].ends = [first.ends[0], last.ends[1]];
+        }
+    }
+}
+
+/// Returns the cubic step from 0 at `lo` to 1 at `hi`.
+fn step(lo: f32, hi: f32, x: f32) -> f32 {
+    let t = ((x - lo) / (hi - lo)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+#[cfg(test)]
+mod hostile_tests;
+#[cfg(test)]
+mod tests;
