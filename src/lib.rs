@@ -203,6 +203,9 @@ pub use colvis_scan::{error, math, output, progress, volume};
 pub(crate) use colvis_scan::{memory, panics};
 
 pub mod app;
+#[cfg(test)]
+#[path = "../tests/support/checks.rs"]
+mod checks;
 pub mod cli;
 pub mod components;
 pub mod coverage;
@@ -210,6 +213,9 @@ pub mod host;
 pub mod plane;
 pub mod report;
 pub mod schedule;
+#[cfg(test)]
+#[path = "../tests/support/shared.rs"]
+mod shared;
 pub mod testing;
 
 #[expect(

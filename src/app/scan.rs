@@ -469,11 +469,16 @@ mod tests {
     use super::*;
     use crate::components::input::FlightCommand;
     use crate::fields::Along;
+    use crate::shared::shared;
     use crate::volume::Grid;
+
+    fn small() -> Scan {
+        Scan::of(shared(&PhantomSettings::embedded(1)).1, &OpenOptions::default()).unwrap()
+    }
 
     #[test]
     fn what_is_told_counts_in_every_lumen_of_the_scan() {
-        let mut scan = Scan::phantom(1).unwrap();
+        let mut scan = small();
         let before = scan.lumen().unwrap();
         let told = vec![(before.segments[0].ends[0], lumen::GasKind::Stomach)];
         scan.tell(told.clone());
@@ -488,10 +493,11 @@ mod tests {
 
     /// Where tag is taken out, the line of the lumen is another, but the measure is that of the scan in its file.
     #[test]
+    #[ignore = "slow: measures along a phantom with and without its tag"]
     fn the_measure_along_the_colon_is_that_of_the_scan_as_it_was() {
         let progress = Progress::new();
-        let phantom = Phantom::new(&PhantomSettings { fluid: true, ..PhantomSettings::embedded(1) });
-        let open = || Scan::of(phantom.voxelise(&phantom.grid(), &progress).unwrap(), &OpenOptions::default()).unwrap();
+        let settings = PhantomSettings { fluid: true, ..PhantomSettings::embedded(1) };
+        let open = || Scan::of(shared(&settings).1, &OpenOptions::default()).unwrap();
         let along = |scan: &mut Scan| {
             let lumen = scan.lumen().unwrap();
             (lumen.along(scan.volume().voxels(), &progress).unwrap(), lumen)
@@ -519,7 +525,7 @@ mod tests {
 
     #[test]
     fn a_cancelled_call_leaves_the_scan_and_its_flights_usable() {
-        let mut scan = Scan::phantom(1).unwrap();
+        let mut scan = small();
         let progress = Arc::clone(&scan.progress);
         let request = FlightRequest::default();
         progress.cancel();

@@ -9,6 +9,7 @@ fn with_decoys(size: Size, seed: u64) -> Phantom {
 }
 
 #[test]
+#[ignore = "slow: five standard phantoms with every decoy"]
 fn every_kind_appears_as_often_as_it_shall() {
     use DecoyKind::{FoldJunction, FoldTip, Stool, TaggedStool, Tube, Valve};
     for seed in 1..=5 {
@@ -29,6 +30,7 @@ fn every_kind_appears_as_often_as_it_shall() {
 }
 
 #[test]
+#[ignore = "slow: three phantoms with every lesion and decoy"]
 fn materials_have_their_hu() {
     for (size, seed) in [(Size::Standard, 1), (Size::Standard, 2), (Size::Small, 1)] {
         let phantom = with_decoys(size, seed);

@@ -3,6 +3,7 @@ use std::f64::consts::PI;
 use super::ground::{APART_MM, Ground};
 use super::solid::{Ellipsoid, Rod};
 use super::*;
+use crate::checks::cases;
 use crate::lesions::Lesion;
 
 fn with_lesions(size: Size, seed: u64, pools: bool) -> Phantom {
@@ -11,6 +12,7 @@ fn with_lesions(size: Size, seed: u64, pools: bool) -> Phantom {
 }
 
 #[test]
+#[ignore = "slow: shares among the lesions of ten phantoms"]
 fn shapes_sites_and_sizes_have_their_shares() {
     let (mut shapes, mut sites, mut sizes, mut all) = ([0; 3], [0; 3], [0; 3], 0);
     for seed in 1..=10 {
@@ -39,7 +41,7 @@ fn shapes_sites_and_sizes_have_their_shares() {
 
 #[test]
 fn lesions_are_apart_and_leave_a_way() {
-    for seed in 1..=4 {
+    for seed in 1..=cases(4, 1) {
         let phantom = with_lesions(Size::Small, seed, true);
         let lesions = &phantom.shape.lesions;
         println!("{seed}: {} lesions", lesions.len());
@@ -64,7 +66,7 @@ fn lesions_are_apart_and_leave_a_way() {
 
 #[test]
 fn the_surface_is_as_far_from_the_centre_as_the_diameter_says() {
-    for seed in 1..=3 {
+    for seed in 1..=cases(3, 1) {
         let phantom = with_lesions(Size::Standard, seed, false);
         for lesion in &phantom.shape.lesions {
             let Lesion { shape, head, .. } = lesion.what;
@@ -96,6 +98,7 @@ fn the_surface_is_as_far_from_the_centre_as_the_diameter_says() {
 }
 
 #[test]
+#[ignore = "slow: a standard phantom with every lesion measured"]
 fn truth_has_heights_and_volumes() {
     let phantom = with_lesions(Size::Standard, 1, true);
     let start = std::time::Instant::now();
@@ -213,6 +216,7 @@ fn a_polyp_needs_no_more_than_its_place_and_size() {
 }
 
 #[test]
+#[ignore = "slow: two phantoms with every lesion and decoy"]
 fn every_lesion_and_decoy_is_in_the_voxels() {
     let settings = PhantomSettings { size: Size::Small, lesions: true, noise: false, ..PhantomSettings::default() };
     let with = Phantom::new(&PhantomSettings { decoys: true, ..settings });

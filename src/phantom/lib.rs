@@ -8,6 +8,9 @@ mod bodies;
 mod body;
 mod bowel;
 mod centerline;
+#[cfg(test)]
+#[path = "../../tests/support/checks.rs"]
+mod checks;
 mod chest;
 mod collapse;
 mod content;

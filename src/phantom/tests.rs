@@ -118,6 +118,7 @@ fn loops_and_borders_are_apart_for_every_seed() {
 }
 
 #[test]
+#[ignore = "slow: the voxels of a phantom"]
 fn the_true_volume_is_the_voxels() {
     let phantom =
         Phantom::new(&PhantomSettings { size: Size::Small, bridges: true, noise: false, ..PhantomSettings::default() });
@@ -169,6 +170,7 @@ fn any_grid_holds_the_same_body() {
 }
 
 #[test]
+#[ignore = "slow: the voxels of a phantom on one thread and two"]
 fn one_thread_and_two_give_the_same_voxels_and_truth() {
     let phantom = Phantom::new(&PhantomSettings { size: Size::Small, fluid: true, ..PhantomSettings::default() });
     let run = |threads| {

@@ -25,6 +25,7 @@ fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
 }
 
 #[test]
+#[ignore = "slow: two recordings by the program"]
 fn one_thread_and_two_fly_and_draw_the_same() {
     let outputs = ["1", "2"].map(|threads| {
         let dir = tempfile::tempdir().unwrap();
@@ -44,6 +45,7 @@ fn one_thread_and_two_fly_and_draw_the_same() {
 }
 
 #[test]
+#[ignore = "slow: four flights with coverage"]
 fn guides_that_plan_fly_the_same_on_one_thread_and_two() {
     for guide in ["path", "potential"] {
         let logs = ["1", "2"].map(|threads| {
@@ -61,6 +63,7 @@ fn guides_that_plan_fly_the_same_on_one_thread_and_two() {
 }
 
 #[test]
+#[ignore = "slow: two recordings by the program"]
 fn detail_follows_the_need_without_a_clock() {
     let outputs = ["1", "2"].map(|threads| {
         let dir = tempfile::tempdir().unwrap();
@@ -76,6 +79,7 @@ fn detail_follows_the_need_without_a_clock() {
 
 /// Wild operator input of every kind: the same input gives the same flight, and never a perforation.
 #[test]
+#[ignore = "slow: two flights of 30 s under wild input"]
 fn a_wild_operator_is_repeated_and_never_perforates() {
     let (volume, _) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
     let mut timed_commands = Vec::new();
@@ -119,6 +123,7 @@ fn a_wild_operator_is_repeated_and_never_perforates() {
 }
 
 #[test]
+#[ignore = "slow: two runs of the program"]
 fn recorded_input_is_repeated_by_the_program() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();

@@ -129,6 +129,7 @@ fn the_phantom_is_flown_and_seen_as_before() {
 }
 
 #[test]
+#[ignore = "slow: the real scan, by every guide and every renderer"]
 fn the_scan_is_flown_and_seen_as_before() {
     let Some(scan) = data("ctc_prone.nii.gz") else { return };
     check("ctc_prone", Some(&scan));

@@ -54,6 +54,7 @@ fn a_camera_in_the_wall_calls_the_operator() {
 }
 
 #[test]
+#[ignore = "slow: every push and turn"]
 fn the_hand_turns_and_pushes_in_six_degrees_of_freedom() {
     let (volume, _) = small();
     let scene = Scene { log: true, operator: true, ..Scene::guided_by("manual") };
@@ -90,6 +91,7 @@ fn the_hand_turns_and_pushes_in_six_degrees_of_freedom() {
 }
 
 #[test]
+#[ignore = "slow: a flight by each integrator"]
 fn every_integrator_flies_by_its_name_in_a_scene() {
     let mut scan = scan(small().0);
     for (integrator, name) in Integrator::ALL {

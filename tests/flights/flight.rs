@@ -51,6 +51,7 @@ fn small_phantom() {
 }
 
 #[test]
+#[ignore = "slow: five standard phantoms from end to end"]
 fn standard_phantoms_1_to_5() {
     for seed in 1..=5 {
         end_to_end(&PhantomSettings { seed, ..PhantomSettings::default() }, 0.13);
@@ -58,6 +59,7 @@ fn standard_phantoms_1_to_5() {
 }
 
 #[test]
+#[ignore = "slow: a phantom with fluid and bridges from end to end"]
 fn with_fluid_and_bridges() {
     end_to_end(
         &PhantomSettings { size: Size::Small, fluid: true, bridges: true, seed: 2, ..PhantomSettings::default() },
@@ -66,6 +68,7 @@ fn with_fluid_and_bridges() {
 }
 
 #[test]
+#[ignore = "slow: ten flights of up to 200 s"]
 fn the_wrong_way_first_then_turned_round() {
     let settings = PhantomSettings { size: Size::Small, ..PhantomSettings::default() };
     let (volume, truth) = phantom(&settings);
@@ -87,6 +90,7 @@ fn the_wrong_way_first_then_turned_round() {
 }
 
 #[test]
+#[ignore = "slow: a flight through half a phantom"]
 fn a_goal_is_reached_within_three_millimetres() {
     let (volume, truth) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
     let to = truth.centerline[truth.centerline.len() / 2];
@@ -98,6 +102,7 @@ fn a_goal_is_reached_within_three_millimetres() {
 }
 
 #[test]
+#[ignore = "slow: flights with four numbers of tentacles"]
 fn few_tentacles_are_as_safe_as_many() {
     let (volume, _) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
     let mut scan = scan(volume);
@@ -119,6 +124,7 @@ fn few_tentacles_are_as_safe_as_many() {
 }
 
 #[test]
+#[ignore = "slow: flights with three numbers of mines"]
 fn no_mines_and_ten_thousand_are_as_safe_as_twelve() {
     let (volume, _) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
     let mut scan = scan(volume);

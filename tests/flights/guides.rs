@@ -34,6 +34,7 @@ fn small(seed: u64) -> PhantomSettings {
 /// Conditions 1, 3 and 4: always from the start towards the end along a valid path, as far from the wall as possible,
 /// never through it.
 #[test]
+#[ignore = "slow: flights by every guide through two phantoms, both ways"]
 fn automatic_flights_hold_the_papers_conditions() {
     for seed in [1, 2] {
         let (volume, truth) = phantom(&small(seed));
@@ -76,6 +77,7 @@ fn automatic_flights_hold_the_papers_conditions() {
 /// Conditions 2 and 4: the operator may intervene at any time, wildly, and never perforates. The guide resumes from
 /// there and still arrives.
 #[test]
+#[ignore = "slow: flights by three guides under wild input"]
 fn the_operator_may_intervene_at_any_time() {
     let mut scan = scan(phantom(&small(1)).0);
     for guide in ["path", "potential", "tentacles"] {
@@ -100,6 +102,7 @@ fn the_operator_may_intervene_at_any_time() {
 
 /// Recorded operator input that pushes into the wall, sideways and backwards, looks around, stops and releases control.
 #[test]
+#[ignore = "slow: flights of 32 s by three guides"]
 fn a_recorded_hand_never_perforates_and_the_guide_takes_over_smoothly() {
     let dir = tempfile::tempdir().unwrap();
     for guide in ["tentacles", "path", "potential"] {
@@ -124,6 +127,7 @@ fn a_recorded_hand_never_perforates_and_the_guide_takes_over_smoothly() {
 }
 
 #[test]
+#[ignore = "slow: fields for three guides"]
 fn guides_change_in_flight_and_their_fields_come_and_go() {
     let (volume, _) = phantom(&small(1));
     let mut f = flight(volume, Scene { operator: true, ..scene("tentacles") }, &FlightRequest::default());
@@ -164,6 +168,7 @@ fn guides_change_in_flight_and_their_fields_come_and_go() {
 }
 
 #[test]
+#[ignore = "slow: a flight with coverage, and three that play its log"]
 fn a_log_is_played_at_any_rate_on_the_same_path() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
@@ -252,6 +257,7 @@ fn a_log_is_played_at_any_rate_on_the_same_path() {
 
 /// Guides that plan fly gas segments that tagged fluid separates as one.
 #[test]
+#[ignore = "slow: a flight through the whole real scan"]
 fn fluid_joins() {
     let Some(scan) = data("ctc_prone.nii.gz") else { return };
     let dir = tempfile::tempdir().unwrap();

@@ -23,6 +23,8 @@ mod traps;
 
 #[path = "../support"]
 mod support {
+    pub(crate) mod checks;
+    pub(crate) mod embedded;
     pub(crate) mod failed;
     pub(crate) mod flights;
     pub(crate) mod logs;

@@ -112,6 +112,7 @@ fn mines_are_filled_in_sight_and_hollow_behind_a_wall() {
 
 /// The sum of the drawn forces matches the body's motion: the change of its velocity over a step.
 #[test]
+#[ignore = "slow: flights by every guide"]
 fn the_forces_drawn_are_those_that_move_the_body() {
     for guide in ["tentacles", "potential", "path", "manual"] {
         let mut f = flown(guide, 2.0);
@@ -191,6 +192,7 @@ fn legend_and_views_stand_above_the_foot() {
 /// A recording contains the overlays that are requested, and no others.
 #[test]
 #[cfg(feature = "window")]
+#[ignore = "slow: three recordings by the program"]
 fn a_recording_carries_the_overlays_that_are_named() {
     use crate::support::run::run;
     let dir = tempfile::tempdir().unwrap();

@@ -4,6 +4,7 @@ use colvis::progress::Progress;
 use colvis::report::perforation::run;
 
 #[test]
+#[ignore = "slow: twenty thousand random steps"]
 fn twenty_thousand_steps_never_perforate() {
     let outcome = run(20_000, 1, &Progress::new()).unwrap();
     println!("{:?}", outcome.all);
@@ -20,6 +21,7 @@ fn twenty_thousand_steps_never_perforate() {
 }
 
 #[test]
+#[ignore = "slow: random steps in every volume of the report, twice"]
 fn the_same_for_any_number_of_threads() {
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

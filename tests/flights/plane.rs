@@ -130,6 +130,7 @@ fn corridor(half: i64) -> Drawing {
 }
 
 #[test]
+#[ignore = "slow: twenty flights in two dimensions"]
 fn few_tentacles_none_and_many_mines_stay_safe() {
     for count in [3, 4, 8, 64, 1024] {
         for kept in [None, Some(0), Some(1), Some(10_000)] {
@@ -266,6 +267,7 @@ fn by_scene(drawing: &str, scene: Option<&str>, status: i32) -> (Vec<u8>, String
 }
 
 #[test]
+#[ignore = "slow: eleven runs of the program"]
 fn a_scene_file_has_the_settings() {
     let all = "plugins = [\"tentacles\", \"mines\", \"watch\"]\n";
     let (usual, told) = by_scene("bends", None, 0);

@@ -1,5 +1,7 @@
 //! Additions of other crates to a flight: plug-ins with state, views, post-processes, presenters.
 
+use std::sync::Arc;
+
 use bevy_ecs::prelude::*;
 use colvis::app::explain::explain;
 use colvis::app::{FlightApp, FlightRequest, ImageSettings, Scan, Scene};
@@ -11,6 +13,8 @@ use colvis::error::Result;
 use colvis::render::Preset;
 use colvis::schedule::{App, FlightSystems, Phase, Plugin};
 use colvis::systems::present::{self, Presenter};
+
+use crate::support::embedded::embedded;
 
 /// Counts the steps since it was built.
 struct StepCounter {
@@ -33,8 +37,12 @@ impl Plugin for StepCounter {
     }
 }
 
+fn scan() -> Scan {
+    Scan::prepared(embedded(), Arc::default())
+}
+
 fn small(scene: Scene) -> FlightApp {
-    Scan::phantom(1).unwrap().flight(scene, &FlightRequest::default()).unwrap()
+    scan().flight(scene, &FlightRequest::default()).unwrap()
 }
 
 /// Returns a scene with pictures of 96 × 64 pixels.
@@ -286,7 +294,7 @@ fn sets_and_order_of_ones_own() {
         Ok(())
     };
     let scene = Scene::default().plug(clash).unwrap();
-    let Err(e) = Scan::phantom(1).unwrap().flight(scene, &FlightRequest::default()) else { panic!("it is ambiguous") };
+    let Err(e) = scan().flight(scene, &FlightRequest::default()) else { panic!("it is ambiguous") };
     let e = e.to_string();
     assert!(e.contains("blow") && e.contains("move_body") && e.contains("`a.before(b)`"), "{e}");
     let ordered = |app: &mut App| {

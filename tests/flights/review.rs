@@ -13,6 +13,7 @@ use crate::support::run::run;
 const RADIUS_MM: f64 = 1.5;
 
 #[test]
+#[ignore = "slow: two flights with a review"]
 fn a_review_shows_what_was_missed_and_is_the_same_on_one_thread_and_two() {
     let reviews = ["1", "2"].map(|threads| {
         let dir = tempfile::tempdir().unwrap();
@@ -48,6 +49,7 @@ fn a_review_shows_what_was_missed_and_is_the_same_on_one_thread_and_two() {
 }
 
 #[test]
+#[ignore = "slow: two flights with a review"]
 fn a_review_looks_at_the_candidates_that_a_reader_is_unsure_of() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();

@@ -118,6 +118,7 @@ fn a_guide_is_changed_in_flight_and_its_parts_go() {
 }
 
 #[test]
+#[ignore = "slow: two runs of the program"]
 fn the_program_explains() {
     let scene = |s| ["explain", "--headless", "--json", "--scene", s].map(str::to_owned);
     let outputs = ["assets/scenes/tentacles.toml", "assets/scenes/render.toml"].map(|s| {
@@ -131,6 +132,7 @@ fn the_program_explains() {
 }
 
 #[test]
+#[ignore = "slow: two runs of the program"]
 fn coverage_is_explained_where_it_is_watched_and_where_it_is_not() {
     for (asked, there) in [(&["--coverage"][..], true), (&[], false)] {
         let out = run(&[&["explain", "--headless", "--json"], asked].concat(), 0);
@@ -144,6 +146,7 @@ fn coverage_is_explained_where_it_is_watched_and_where_it_is_not() {
 }
 
 #[test]
+#[ignore = "slow: three runs of the program"]
 fn a_frame_cache_is_there_where_the_preset_reuses() {
     let explain = |preset: &str| {
         let args = ["explain", "--headless", "--json", "--scene", "assets/scenes/render.toml", "--size", "48x32"];
@@ -186,6 +189,7 @@ fn flown_by(choices: &str, preset: &str) -> (serde_json::Value, Vec<[u64; 3]>, V
 }
 
 #[test]
+#[ignore = "slow: twelve runs of the program"]
 fn a_flight_runs_what_its_scene_chooses_of_the_papers_ideas() {
     let needed = |e: &serde_json::Value, part: &str| {
         let built = e["built"].as_array().unwrap().iter();
@@ -238,6 +242,7 @@ fn choices_that_make_no_sense_are_status_2() {
 
 /// Every part of a step and of a frame is a scheduled system, in a window as in a recording.
 #[test]
+#[ignore = "slow: two runs of the program"]
 fn the_whole_step_and_the_whole_frame_are_systems() {
     let dir = tempfile::tempdir().unwrap();
     let log = dir.path().join("f.jsonl").display().to_string();

@@ -27,6 +27,7 @@ fn through(drawing: &Drawing, scene: Scene) -> FlightApp {
 }
 
 #[test]
+#[ignore = "slow: a flight through each drawn lumen"]
 fn the_same_traps_in_three_dimensions() {
     let mut wrong = Vec::new();
     for (name, _) in DRAWINGS {

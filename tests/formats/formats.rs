@@ -384,6 +384,7 @@ fn png_slices() {
 }
 
 #[test]
+#[ignore = "slow: the real scan in every format"]
 fn the_real_scan_survives_a_round_trip() {
     let Some(path) = data("ctc_prone.nii.gz") else { return };
     let began = std::time::Instant::now();

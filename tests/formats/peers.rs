@@ -45,6 +45,7 @@ fn expected(folder: &Path, volume: &Volume) {
 }
 
 #[test]
+#[ignore = "slow: starts a Python with three other readers"]
 fn others_read_what_we_write() {
     for volume in volumes() {
         let dir = tempfile::tempdir().unwrap();
@@ -61,6 +62,7 @@ fn others_read_what_we_write() {
 }
 
 #[test]
+#[ignore = "slow: starts a Python with three other readers"]
 fn we_read_what_others_write() {
     for volume in volumes() {
         let dir = tempfile::tempdir().unwrap();

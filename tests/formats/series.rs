@@ -158,6 +158,7 @@ fn refused(path: &Path, why: &str) -> Result<(), String> {
 }
 
 #[test]
+#[ignore = "slow: 150 folders of series"]
 fn every_pass_is_a_series_of_its_own() {
     let dir = tempfile::tempdir().unwrap();
     let Some(cases) = cases(dir.path()) else { return };

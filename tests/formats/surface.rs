@@ -162,6 +162,7 @@ fn oblique(mirror: f64) -> Grid {
 }
 
 #[test]
+#[ignore = "slow: surfaces on fine grids"]
 fn a_ball_in_a_tilted_grid_is_where_it_is_in_the_world() {
     for mirror in [1.0, -1.0] {
         let dir = tempfile::tempdir().unwrap();
@@ -241,6 +242,7 @@ fn noise_is_closed_too() {
 /// around the wall (co-area formula). Its difference from the area of w = 0 is of second order in ε. One jittered
 /// sample is taken in each eighth of a voxel near the wall.
 #[test]
+#[ignore = "slow: integrates over a phantom's wall"]
 fn a_phantoms_area_and_volume_are_its_truths() {
     const BAND_MM: f64 = 0.5;
     let progress = Progress::new();

@@ -1,8 +1,9 @@
 //! Readers against mutated files: no panic, no hang, no allocation beyond the file's own size class.
 //!
 //! The test is deterministic: the n-th mutation is the same everywhere. `COLVIS_FUZZ_SECONDS` sets the time for each
-//! reader (2 if unset), `COLVIS_FUZZ_START` the number of the first mutation. A finding is written to the folder
-//! `COLVIS_FUZZ_KEEP`, if that is set. Move it to `tests/regressions/`, which is run first.
+//! reader (0.25 if unset, or 2 with `COLVIS_CHECKS=full`), `COLVIS_FUZZ_START` the number of the first mutation. A
+//! finding is written to the folder `COLVIS_FUZZ_KEEP`, if that is set. Move it to `tests/regressions/`, which is run
+//! first.
 //!
 //! This is a separate program because it counts the allocations of the whole process.
 
@@ -17,6 +18,7 @@ use colvis::progress::Progress;
 use colvis::volume::io::{self, LoadOptions};
 use glam::{DMat3, DVec3};
 
+use support::checks::cases;
 use support::nifti::Nifti;
 use support::packing::{gz, zlib};
 use support::reading::load;
@@ -25,6 +27,7 @@ use support::volumes::ramp;
 
 #[path = "../support"]
 mod support {
+    pub(crate) mod checks;
     #[cfg(feature = "dicom")]
     pub(crate) mod dicom;
     #[cfg(feature = "dicom")]
@@ -179,7 +182,7 @@ fn mutate(seed: &[u8], n: u64) -> Vec<u8> {
 }
 
 fn seconds() -> f64 {
-    std::env::var("COLVIS_FUZZ_SECONDS").ok().and_then(|s| s.parse().ok()).unwrap_or(2.0)
+    std::env::var("COLVIS_FUZZ_SECONDS").ok().and_then(|s| s.parse().ok()).unwrap_or_else(|| cases(2.0, 0.25))
 }
 
 fn fuzz(name: &str, seeds: &[Vec<u8>]) {

@@ -1,22 +1,17 @@
 //! The choices among the paper's ideas that a scene can make: they change what runs and what is kept, but not the
 //! picture.
 
-use std::sync::Arc;
-
 use colvis::phantom::{Phantom, PhantomSettings as Colon, Size};
-use colvis::progress::Progress;
 use colvis::render::{
     Choices, Classification, Direct, Frame, GradientSource, Leaping, LowDetail, MemoryPart, PreparedVolume, Preset,
-    Quality, Renderer, Reuse, Settings, TransferFunction, View, Work, presets, psnr, renderer,
+    Quality, Renderer, Reuse, Settings, View, Work, presets, psnr, renderer,
 };
 
 use crate::frames::shown;
+use crate::support::checks::cases;
+use crate::support::embedded::embedded;
 
 const SIDE: usize = 128;
-
-fn volume() -> PreparedVolume {
-    PreparedVolume::new(Arc::new(Phantom::embedded(&Progress::default()).unwrap()), TransferFunction::default())
-}
 
 /// A flight of a few frames, 1 mm apart.
 fn views() -> Vec<View> {
@@ -68,8 +63,9 @@ fn chosen(volume: &PreparedVolume, preset: Preset, settings: Settings, choices: 
 const NOTHING: Choices = Choices { leap: None, gradients: None, key_frames: None, low: None };
 
 #[test]
+#[ignore = "slow: flights of pictures by every method of leaping"]
 fn leaping_changes_samples_and_memory_and_no_bit_of_a_picture() {
-    let volume = volume();
+    let volume = embedded();
     let filtered = Settings { classification: Classification::Filtered, ..Settings::default() };
     let low = Settings::new(Quality::Low);
     for (preset, settings) in [
@@ -111,9 +107,9 @@ fn leaping_changes_samples_and_memory_and_no_bit_of_a_picture() {
 
 #[test]
 fn gradients_come_from_where_they_are_chosen_to() {
-    let volume = volume();
-    for preset in [presets::colvis::PRESET, presets::standard::PRESET] {
-        for quality in [Quality::High, Quality::Low] {
+    let volume = embedded();
+    for preset in [presets::standard::PRESET, presets::colvis::PRESET].into_iter().take(cases(2, 1)) {
+        for &quality in cases(&[Quality::High, Quality::Low][..], &[Quality::High]) {
             let by = |gradients| {
                 let choices = Choices { gradients: Some(gradients), low: Some(LowDetail::Nearest), ..NOTHING };
                 chosen(&volume, preset, Settings::new(quality), choices)
@@ -136,8 +132,9 @@ fn gradients_come_from_where_they_are_chosen_to() {
 }
 
 #[test]
+#[ignore = "slow: flights of pictures"]
 fn key_frames_come_as_often_as_they_are_chosen_to() {
-    let volume = volume();
+    let volume = embedded();
     for preset in [presets::colvis::PRESET, presets::standard::PRESET] {
         let by = |n| chosen(&volume, preset, Settings::default(), Choices { key_frames: Some(n), ..NOTHING });
         let [one, three, never] = [1, 3, 1000].map(by);
@@ -154,14 +151,15 @@ fn key_frames_come_as_often_as_they_are_chosen_to() {
 }
 
 #[test]
+#[ignore = "slow: four flights of pictures with every preset"]
 fn low_detail_is_what_it_is_chosen_to_be_in_every_preset() {
     let lean = || {
-        let s = volume();
+        let s = embedded();
         PreparedVolume::lean(s.shared_voxels(), s.transfer())
     };
     for (preset, volume, own) in [
-        (presets::standard::PRESET, volume(), LowDetail::Third),
-        (presets::colvis::PRESET, volume(), LowDetail::Nearest),
+        (presets::standard::PRESET, embedded(), LowDetail::Third),
+        (presets::colvis::PRESET, embedded(), LowDetail::Nearest),
         (presets::lean::PRESET, lean(), LowDetail::Nearest),
     ] {
         let by = |low| chosen(&volume, preset, Settings::new(Quality::Low), Choices { low, ..NOTHING });
@@ -179,8 +177,9 @@ fn low_detail_is_what_it_is_chosen_to_be_in_every_preset() {
 
 /// Compares each choice with brute force using the same classification.
 #[test]
+#[ignore = "slow: flights of pictures by every choice, and their references"]
 fn every_choice_keeps_its_bound_against_the_reference() {
-    let volume = volume();
+    let volume = embedded();
     let reference = |classification| {
         fly(Box::new(Direct::new(&volume, Settings { classification, ..Settings::new(Quality::Reference) })))
     };

@@ -7,22 +7,18 @@
 use std::path::{Path, PathBuf};
 
 use colvis::phantom::{Phantom, PhantomSettings, Size};
-use colvis::progress::Progress;
 use colvis::render::camera::{self, CameraModel};
 use colvis::render::internals::{PacketRenderer, Pixels, levels};
 use colvis::render::{
-    Frame, Light, PreparedVolume, Preset, Quality, Renderer, Reuse, Settings, TransferFunction, View, presets, renderer,
+    Frame, Light, PreparedVolume, Preset, Quality, Renderer, Reuse, Settings, View, presets, renderer,
 };
 use image::RgbImage;
 
+use crate::support::embedded::embedded;
 use crate::support::panels::panels;
 
 const WIDTH: usize = 160;
 const HEIGHT: usize = 120;
-
-fn volume() -> PreparedVolume {
-    PreparedVolume::new(Phantom::embedded(&Progress::default()).unwrap().into(), TransferFunction::default())
-}
 
 /// A view along a bend of the phantom, with a fold near and the lumen in the distance.
 fn view(camera: CameraModel, fov_degrees: f64) -> View {
@@ -75,7 +71,7 @@ fn at_levels(volume: &PreparedVolume, view: &View, settings: Settings) -> Vec<(S
 
 #[test]
 fn every_preset_and_quality_makes_its_picture() {
-    let (volume, view) = (volume(), view(CameraModel::default(), 90.0));
+    let (volume, view) = (embedded(), view(CameraModel::default(), 90.0));
     for preset in presets::BUILT_IN {
         for quality in [Quality::High, Quality::Low] {
             let name = format!("{}-{quality:?}", preset.name).to_lowercase();
@@ -87,7 +83,7 @@ fn every_preset_and_quality_makes_its_picture() {
 
 #[test]
 fn every_level_and_light_makes_its_picture() {
-    let (volume, view) = (volume(), view(CameraModel::default(), 90.0));
+    let (volume, view) = (embedded(), view(CameraModel::default(), 90.0));
     for (name, light) in [("headlight", Light::HEADLIGHT), ("endoscope", Light::ENDOSCOPE)] {
         let settings = Settings { light, ..Settings::default() };
         let mut all = on_threads(&volume, &view, Preset::default(), settings);
@@ -98,7 +94,7 @@ fn every_level_and_light_makes_its_picture() {
 
 #[test]
 fn every_camera_makes_its_picture() {
-    let volume = volume();
+    let volume = embedded();
     for camera in camera::BUILT_IN {
         let view = view(camera, camera.clamp_fov(110.0).unwrap_or(90.0));
         let mut all = on_threads(&volume, &view, Preset::default(), Settings::default());

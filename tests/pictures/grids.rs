@@ -59,6 +59,7 @@ fn volume(seed: u64, spacing: [f64; 3]) -> PreparedVolume {
 }
 
 #[test]
+#[ignore = "slow: references on every grid"]
 fn every_frame_is_good_on_every_grid() {
     for (seed, spacing, poses) in CASES {
         let volume = volume(seed, spacing);

@@ -345,6 +345,7 @@ fn through_every_reader(body: &Body) -> Vec<(String, Volume)> {
 }
 
 #[test]
+#[ignore = "slow: a body through every reader"]
 fn every_grid_and_every_reader_give_one_picture() {
     let body = Body::new(Some(LEFT_FRONT));
     let eye = body.eye(false);

@@ -11,8 +11,10 @@ mod shaders;
 
 #[path = "../support"]
 mod support {
+    pub(crate) mod checks;
     #[cfg(feature = "dicom")]
     pub(crate) mod dicom;
+    pub(crate) mod embedded;
     pub(crate) mod failed;
     pub(crate) mod nifti;
     pub(crate) mod panels;

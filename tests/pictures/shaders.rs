@@ -89,6 +89,7 @@ fn rendered(volume: &PreparedVolume, view: &View, preset: Preset, settings: Sett
 }
 
 #[test]
+#[ignore = "slow: every preset and quality"]
 fn a_copy_of_the_headlight_shows_what_the_headlight_shows() {
     let (volume, view) = colon();
     for preset in colvis::render::presets::BUILT_IN {

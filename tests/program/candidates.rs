@@ -17,6 +17,7 @@ fn position(entry: &Value) -> DVec3 {
 }
 
 #[test]
+#[ignore = "slow: candidates of a phantom, twice"]
 fn polyps_of_a_phantom_come_first_and_the_list_is_the_same_on_any_number_of_threads() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
@@ -68,6 +69,7 @@ fn polyps_of_a_phantom_come_first_and_the_list_is_the_same_on_any_number_of_thre
 }
 
 #[test]
+#[ignore = "slow: galleries of a phantom"]
 fn a_gallery_shows_each_candidate_and_is_the_same_on_any_number_of_threads() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
@@ -167,6 +169,7 @@ fn a_truth_that_is_none_is_refused() {
 }
 
 #[test]
+#[ignore = "slow: a quick report"]
 fn detectors_are_reported() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
@@ -192,6 +195,7 @@ fn detectors_are_reported() {
 }
 
 #[test]
+#[ignore = "slow: measures of lesions in a phantom"]
 fn a_lesion_is_measured_where_it_is_pointed_at_and_nowhere_else() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();

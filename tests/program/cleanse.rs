@@ -30,6 +30,7 @@ fn phantom(folder: &Path, with: &str) -> [std::path::PathBuf; 2] {
 }
 
 #[test]
+#[ignore = "slow: phantoms with tag"]
 fn a_cleansed_scan_is_close_to_the_one_without_tag_on_any_number_of_threads() {
     let dir = tempfile::tempdir().unwrap();
     let [scan, twin] = phantom(dir.path(), "folds,pools,films,stool,noise");
@@ -61,6 +62,7 @@ fn a_cleansed_scan_is_close_to_the_one_without_tag_on_any_number_of_threads() {
 }
 
 #[test]
+#[ignore = "slow: phantoms"]
 fn a_scan_without_tag_stays_as_it_is_and_one_without_a_colon_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     let [_, twin] = phantom(dir.path(), "folds,pools");
@@ -78,6 +80,7 @@ fn a_scan_without_tag_stays_as_it_is_and_one_without_a_colon_is_refused() {
 }
 
 #[test]
+#[ignore = "slow: phantoms with tag"]
 fn commands_take_the_scan_as_cleanse_writes_it() {
     let dir = tempfile::tempdir().unwrap();
     let [scan, _] = phantom(dir.path(), "folds,pools");
@@ -100,6 +103,7 @@ fn commands_take_the_scan_as_cleanse_writes_it() {
 }
 
 #[test]
+#[ignore = "slow: phantoms with tag"]
 fn explain_tells_what_was_cleansed_and_why_nothing_was() {
     let dir = tempfile::tempdir().unwrap();
     let [scan, twin] = phantom(dir.path(), "folds,pools");

@@ -71,6 +71,7 @@ fn without_a_display_it_flies_headless_and_leaves_a_film() {
 
 /// Films both directions through the embedded phantom with ffmpeg, and checks the film with ffprobe.
 #[test]
+#[ignore = "slow: films of a flight both ways"]
 fn a_planned_flight_is_filmed_both_ways() {
     let dir = tempfile::tempdir().unwrap();
     let film = dir.path().join("flight.mp4");
@@ -100,6 +101,7 @@ fn a_planned_flight_is_filmed_both_ways() {
 }
 
 #[test]
+#[ignore = "slow: a run of the program for each output"]
 fn outputs_that_cannot_be_written_are_status_5() {
     let dir = tempfile::tempdir().unwrap();
     let missing = dir.path().join("missing/f.jsonl");
@@ -111,6 +113,7 @@ fn outputs_that_cannot_be_written_are_status_5() {
 }
 
 #[test]
+#[ignore = "slow: runs of the program"]
 fn points_outside_the_lumen() {
     run(&["fly", "--headless", "--from", "9999,0,0"], 4);
     run(&["fly", "--headless", "--to", "9999,0,0"], 4);
@@ -118,6 +121,7 @@ fn points_outside_the_lumen() {
 
 /// A colon with tag, and its twin without. In each position fluid lies elsewhere.
 #[test]
+#[ignore = "slow: phantoms with tag in two positions"]
 fn a_phantom_with_tag_and_its_twin() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
@@ -142,6 +146,7 @@ fn a_phantom_with_tag_and_its_twin() {
 
 /// Thick slices, and limbs that touch. The truth does not depend on the slices.
 #[test]
+#[ignore = "slow: phantoms in thick slices"]
 fn a_phantom_in_thick_slices() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
@@ -166,6 +171,7 @@ fn a_phantom_in_thick_slices() {
 }
 
 #[test]
+#[ignore = "slow: runs of the program"]
 fn a_render_of_two_poses_and_their_depth() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
@@ -268,6 +274,7 @@ fn temporary(folder: &Path) -> Vec<u64> {
 /// Ctrl-C in a terminal reaches every program of the process group.
 #[cfg(unix)]
 #[test]
+#[ignore = "slow: a film"]
 fn an_interrupted_film_is_whole() {
     use std::os::unix::process::CommandExt;
     if !(tool("ffmpeg") && tool("ffprobe")) {
@@ -300,6 +307,7 @@ fn an_interrupted_film_is_whole() {
 
 #[cfg(unix)]
 #[test]
+#[ignore = "slow: runs of the program"]
 fn a_second_interrupt_ends_at_once_and_leaves_nothing_unfinished() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
@@ -420,6 +428,7 @@ fn no_output_takes_the_place_of_an_input() {
 }
 
 #[test]
+#[ignore = "slow: runs of the program"]
 fn explain_tells_of_the_renderer_that_flies() {
     for (args, windowed) in [(&[][..], cfg!(feature = "window")), (&["--headless", "--record", "x/"], false)] {
         let out = run(&[&["explain"], args].concat(), 0);
@@ -430,6 +439,7 @@ fn explain_tells_of_the_renderer_that_flies() {
 
 #[test]
 #[cfg(feature = "window")]
+#[ignore = "slow: six runs of the program"]
 fn explain_tells_of_the_slices_that_a_layout_shows() {
     // Pixels of a slice: HU, grey and colour.
     let bytes = |slices: u64| slices * 400 * 300 * (4 + 1 + 3);
@@ -452,6 +462,7 @@ fn explain_tells_of_the_slices_that_a_layout_shows() {
 
 #[test]
 #[cfg(feature = "window")]
+#[ignore = "slow: runs of the program"]
 fn explain_lists_the_actions_by_their_ids_and_the_settings_that_take_them() {
     let folder = tempfile::tempdir().unwrap();
     let settings = folder.path().join("colvis/settings.toml");

@@ -8,6 +8,7 @@ use crate::support::skips::skip;
 
 /// Runs each example in a separate folder, without arguments.
 #[test]
+#[ignore = "slow: every example"]
 fn every_example_runs() {
     let Ok(examples) = std::fs::read_dir("examples") else { return };
     // `cargo test` builds them once. As targets with tests each would be linked a second time.

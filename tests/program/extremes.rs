@@ -42,6 +42,7 @@ fn more_threads_than_help_are_refused_or_capped() {
 }
 
 #[test]
+#[ignore = "slow: many runs of the program"]
 fn what_is_ignored_or_impossible_is_told_before_the_work() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
@@ -175,6 +176,7 @@ fn hidden(folder: &Path) -> usize {
 /// The second interrupt comes while the first is told of.
 #[cfg(unix)]
 #[test]
+#[ignore = "slow: many runs that are interrupted"]
 fn interrupts_in_quick_succession_tell_one_line_and_leave_nothing() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();

@@ -20,6 +20,7 @@ mod slice;
 
 #[path = "../support"]
 mod support {
+    pub(crate) mod embedded;
     pub(crate) mod phantom;
     pub(crate) mod program;
     pub(crate) mod run;

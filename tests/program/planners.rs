@@ -24,6 +24,7 @@ fn points(line: &Value) -> Vec<DVec3> {
 
 /// Each method runs from end to end. The distance of its points from the truth distinguishes the methods.
 #[test]
+#[ignore = "slow: the line of a phantom by each planner"]
 fn every_method_finds_the_line_of_a_phantom() {
     let dir = tempfile::tempdir().unwrap();
     let at = |n: &str| dir.path().join(n).to_str().unwrap().to_owned();
@@ -57,6 +58,7 @@ fn every_method_finds_the_line_of_a_phantom() {
 }
 
 #[test]
+#[ignore = "slow: a flight on the line of each planner"]
 fn a_flight_on_each_planners_line_arrives() {
     let dir = tempfile::tempdir().unwrap();
     let at = |n: &str| dir.path().join(n).to_str().unwrap().to_owned();
@@ -78,6 +80,7 @@ fn a_flight_on_each_planners_line_arrives() {
 }
 
 #[test]
+#[ignore = "slow: the real scan by two planners"]
 fn the_real_scan_by_the_quick_methods() {
     let Some(scan) = data("ctc_prone.nii.gz") else { return };
     let dir = tempfile::tempdir().unwrap();

@@ -17,6 +17,8 @@ use colvis::render::{
 };
 use colvis::schedule::{App, Guide, Plugin};
 
+use crate::support::embedded::embedded;
+
 /// A guide with a name and a key.
 macro_rules! guide {
     ($type:ident, $name:literal, $key:expr) => {
@@ -222,6 +224,10 @@ fn catalog() -> Catalog {
     Catalog::default().preset(GREY).camera(NARROW).plugin(Numbered(1.0)).overlay(marked)
 }
 
+fn scan() -> Scan {
+    Scan::prepared(embedded(), Arc::default())
+}
+
 #[test]
 fn a_scene_file_names_and_sets_everything() {
     let text = "plugins = [\"manual\", \"render\", \"numbered\"]\n\
@@ -229,7 +235,7 @@ fn a_scene_file_names_and_sets_everything() {
                 [grey]\nnumber = 77\n[narrow]\nnumber = 0.5\n[numbered]\nnumber = 3.0\n[overlay.marked]\nnumber = 9.0\n";
     let scene = Scene::parse(text, &catalog()).unwrap();
     let marked = scene.options.overlay(catalog().find_overlay("marked").unwrap());
-    let flight = Scan::phantom(1).unwrap().flight(scene, &FlightRequest::default()).unwrap();
+    let flight = scan().flight(scene, &FlightRequest::default()).unwrap();
     assert_eq!(flight.app().world.resource::<Told>().0, 3.0);
     let tangent = flight.view().unwrap().camera().tangent().unwrap();
     assert!((tangent - 15f64.to_radians().tan()).abs() < 1e-12, "half of 60°");
@@ -269,7 +275,7 @@ fn no_quality_replaces_an_own_preset() {
         let image =
             colvis::app::ImageSettings { width: 160, height: 120, settings, preset: GREY, ..Default::default() };
         let scene = Scene { picture: true, image, ..Scene::guided_by("manual") };
-        let mut flight = Scan::phantom(1).unwrap().flight(scene, &FlightRequest::default()).unwrap();
+        let mut flight = scan().flight(scene, &FlightRequest::default()).unwrap();
         // At rest, like a window: the picture would be refined from the second one on.
         for n in 0..10 {
             flight.frame().unwrap();
@@ -299,6 +305,7 @@ impl Plugin for Tells {
 }
 
 #[test]
+#[ignore = "slow: runs of the program"]
 fn plug_ins_tell_of_a_flight_in_its_statistics() {
     let first = |app: &App| Some(serde_json::json!({"zeta": f64::NAN, "alpha": app.world.resource::<Told>().0}));
     let told = || {

@@ -45,6 +45,7 @@ fn page(folder: &Path, plots: usize) -> String {
 }
 
 #[test]
+#[ignore = "slow: a quick report"]
 fn gradients_are_reported() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("g");
@@ -76,6 +77,7 @@ fn gradients_are_reported() {
 }
 
 #[test]
+#[ignore = "slow: a quick report"]
 fn scenes_are_reported() {
     let dir = tempfile::tempdir().unwrap();
     run(&["report", "scenes", "--quick", "--out", dir.path().to_str().unwrap()], 0);
@@ -94,6 +96,7 @@ fn scenes_are_reported() {
 }
 
 #[test]
+#[ignore = "slow: a report on two subjects"]
 fn renderers_are_reported() {
     let dir = tempfile::tempdir().unwrap();
     let volume =
@@ -177,6 +180,7 @@ fn renderers_are_reported() {
 }
 
 #[test]
+#[ignore = "slow: a quick report"]
 fn dynamics_are_reported() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("d");
@@ -202,6 +206,7 @@ fn dynamics_are_reported() {
 }
 
 #[test]
+#[ignore = "slow: a quick report"]
 fn perforations_are_reported() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("p");
@@ -216,6 +221,7 @@ fn perforations_are_reported() {
 }
 
 #[test]
+#[ignore = "slow: a quick report"]
 fn cleansing_is_reported() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("c");
@@ -245,6 +251,7 @@ fn cleansing_is_reported() {
 }
 
 #[test]
+#[ignore = "slow: a quick report"]
 fn coverage_is_reported() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("c");
@@ -306,6 +313,7 @@ fn what_no_report_can_do() {
 }
 
 #[test]
+#[ignore = "slow: a quick report"]
 fn fields_are_reported() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("f");

@@ -16,6 +16,7 @@ fn npy(path: &Path) -> (String, Vec<f32>) {
 }
 
 #[test]
+#[ignore = "slow: slices of the real scan"]
 fn a_picture_is_the_windowed_values() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();

@@ -206,6 +206,7 @@ fn log(folder: &Path, name: &str) -> Vec<LogLine> {
 
 /// One session from the first picture to the last, step by step like an operator, since opening a window takes seconds.
 #[test]
+#[ignore = "slow: a session in a window"]
 fn a_flight_in_a_window() {
     let Some(screen) = Screen::open() else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -339,6 +340,7 @@ fn sessions(folder: &Path) -> Vec<std::path::PathBuf> {
 
 /// A scan can be opened again whatever state it was left in.
 #[test]
+#[ignore = "slow: opens a window again and again"]
 fn a_kept_session_never_keeps_a_scan_from_being_opened() {
     let Some(screen) = Screen::open() else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -404,6 +406,7 @@ fn a_kept_session_never_keeps_a_scan_from_being_opened() {
 
 /// The reading layout: slices follow the flight, a click in one stops it, and the layout persists.
 #[test]
+#[ignore = "slow: a flight in a window"]
 fn slices_beside_the_flight() {
     let Some(screen) = Screen::open() else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -459,6 +462,7 @@ fn slices_beside_the_flight() {
 
 /// Tag is taken out while the flight goes on, and one key brings it back.
 #[test]
+#[ignore = "slow: a flight in a window"]
 fn a_scan_with_tag_in_a_window() {
     let Some(screen) = Screen::open() else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -498,6 +502,7 @@ fn a_scan_with_tag_in_a_window() {
 
 /// Candidates are looked for when their panel is shown; an answer is stored at once, and there when the scan is opened again.
 #[test]
+#[ignore = "slow: a flight in a window"]
 fn candidates_are_answered_in_a_window() {
     let Some(screen) = Screen::open() else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -644,6 +649,7 @@ fn a_scan_chosen_in_the_window_fails_there_alone() {
 
 /// The log of a short flight is written when the window is closed.
 #[test]
+#[ignore = "slow: a flight in a window"]
 fn a_full_disk_is_told_when_the_window_is_closed() {
     let Some(screen) = Screen::open() else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -659,6 +665,7 @@ fn a_full_disk_is_told_when_the_window_is_closed() {
 /// The recorded input, which pushes into the wall, gives the same log in the window and headless, and never a
 /// perforation.
 #[test]
+#[ignore = "slow: a flight in a window and without"]
 fn a_recorded_hand_is_the_same_in_the_window_and_headless() {
     let Some(screen) = Screen::open() else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -689,6 +696,7 @@ fn a_recorded_hand_is_the_same_in_the_window_and_headless() {
 
 /// Guides selected by number, and a click on the bar.
 #[test]
+#[ignore = "slow: flights in a window"]
 fn guides_and_places_are_chosen_in_flight() {
     let Some(screen) = Screen::open() else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -728,6 +736,7 @@ fn guides_and_places_are_chosen_in_flight() {
 /// Roll and view angle by keys and mouse; tentacles, mines and forces over the picture but not in the saved one; and
 /// all operator input replayed without a window.
 #[test]
+#[ignore = "slow: a flight in a window"]
 fn the_view_is_rolled_and_narrowed_and_what_is_felt_is_drawn() {
     let Some(screen) = Screen::open() else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -788,6 +797,7 @@ fn the_view_is_rolled_and_narrowed_and_what_is_felt_is_drawn() {
 }
 
 #[test]
+#[ignore = "slow: a drawn lumen in a window"]
 fn a_drawn_lumen_in_a_window() {
     let Some(screen) = Screen::open() else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -826,6 +836,7 @@ fn a_drawn_lumen_in_a_window() {
 
 /// Without shared memory (`ssh -X`, containers), a frame may be longer than the server's longest request.
 #[test]
+#[ignore = "slow: windows of many sizes"]
 fn a_window_of_any_size_without_shared_memory() {
     let Some(screen) = Screen::open_with("2560x1700x24", &["-extension", "MIT-SHM"], &[]) else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -848,6 +859,7 @@ fn a_window_of_any_size_without_shared_memory() {
 
 /// Displays of 16 and 30 bits show the same colours as usual ones, as far as they have them.
 #[test]
+#[ignore = "slow: a window on each display"]
 fn a_window_on_displays_of_other_depths() {
     let folder = tempfile::tempdir().unwrap();
     let colours = |depth: u8| {
@@ -877,6 +889,7 @@ fn a_window_on_displays_of_other_depths() {
 }
 
 #[test]
+#[ignore = "slow: a flight in a window"]
 fn a_stale_wayland_display_does_not_hide_the_x_display() {
     // Without repeats: a held key is one press, however slow the machine is.
     let Some(screen) = Screen::open_with(&format!("{}x{}x24", SIZE.0, SIZE.1), &["-r"], &[]) else { return };
@@ -900,6 +913,7 @@ fn a_stale_wayland_display_does_not_hide_the_x_display() {
 
 /// The keys of digits and letters work where the layout prints other characters.
 #[test]
+#[ignore = "slow: a window for each layout of the keyboard"]
 fn keys_work_on_other_layouts() {
     let Some(screen) = Screen::open_with(&format!("{}x{}x24", SIZE.0, SIZE.1), &[], &["setxkbmap"]) else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -924,6 +938,7 @@ fn keys_work_on_other_layouts() {
 
 /// The examples with window content show it, and exit correctly.
 #[test]
+#[ignore = "slow: every example with a window"]
 fn examples_of_plug_ins_in_a_window() {
     let Some(screen) = Screen::open() else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -971,6 +986,7 @@ fn examples_of_plug_ins_in_a_window() {
 
 /// An action of another crate has its key, and its commands are recorded like those of the operator.
 #[test]
+#[ignore = "slow: an example with a window"]
 fn an_action_of_another_crate_in_a_window() {
     let Some(screen) = Screen::open() else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -996,6 +1012,7 @@ fn an_action_of_another_crate_in_a_window() {
 
 /// The display is lost in flight: everything that was asked for is there, and complete.
 #[test]
+#[ignore = "slow: a flight in a window"]
 fn a_lost_display_loses_no_files() {
     for options in [&[][..], &["-extension", "MIT-SHM"]] {
         let Some(screen) = Screen::open_with(&format!("{}x{}x24", SIZE.0, SIZE.1), options, &[]) else { return };

@@ -87,14 +87,13 @@ mod tests {
     use super::*;
     use crate::app::{FlightRequest, OpenOptions, Place, Scan, Scene};
     use crate::fields::connection::StretchKind;
-    use crate::phantom::{Phantom, PhantomSettings, Size};
+    use crate::phantom::{PhantomSettings, Size};
+    use crate::shared::shared;
 
     #[test]
     fn a_flight_tells_how_the_colon_goes_on_and_flies_no_guess() {
         let settings = PhantomSettings { size: Size::Small, collapsed: true, seed: 3, ..PhantomSettings::default() };
-        let phantom = Phantom::new(&settings);
-        let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
-        let mut scan = Scan::of(volume, &OpenOptions::default()).unwrap();
+        let mut scan = Scan::of(shared(&settings).1, &OpenOptions::default()).unwrap();
         let request = FlightRequest { from: Some(Place::Rectum), to: Some(Place::Cecum), reverse: false };
         let flight = scan.flight(Scene::default(), &request).unwrap();
         assert!(flight.found_connection().is_none(), "nothing is computed unasked");

@@ -115,8 +115,9 @@ pub(in crate::cli) mod tests {
 
     use super::*;
     use crate::cli::args::Command;
-    use crate::phantom::{Phantom, PhantomSettings, Size};
+    use crate::phantom::{PhantomSettings, Size};
     use crate::report::candidates::found_by;
+    use crate::shared::shared;
     use crate::volume::Volume;
     use crate::volume::io::{self, LoadOptions};
 
@@ -138,6 +139,7 @@ pub(in crate::cli) mod tests {
 
     /// The report measures the same pipeline that the command runs.
     #[test]
+    #[ignore = "slow: candidates of a phantom, twice"]
     fn the_command_and_its_report_find_the_same_candidates() {
         let progress = Progress::new();
         let settings = PhantomSettings {
@@ -149,8 +151,7 @@ pub(in crate::cli) mod tests {
             touching: true,
             ..PhantomSettings::default()
         };
-        let phantom = Phantom::new(&settings);
-        let scan = phantom.voxelise(&phantom.grid(), &progress).unwrap();
+        let (_, scan) = shared(&settings);
         let (global, scan, listed) = written(&scan, &["--wall=-800,-550"], &progress);
         let listed: Vec<(DVec3, f64)> = listed
             .iter()

@@ -376,7 +376,8 @@ mod tests {
     use super::*;
     use crate::cli::files::Files;
     use crate::components::input::Hand;
-    use crate::phantom::{Phantom, PhantomSettings};
+    use crate::phantom::PhantomSettings;
+    use crate::shared::shared;
     use crate::volume::{Grid, Volume, io};
 
     #[test]
@@ -453,8 +454,7 @@ mod tests {
     fn the_whole_colon_is_read_from_the_rectum_without_tag_at_the_speed_of_reading() {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("tagged.nii");
-        let phantom = Phantom::new(&PhantomSettings { fluid: true, ..PhantomSettings::embedded(1) });
-        let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+        let (_, volume) = shared(&PhantomSettings { fluid: true, ..PhantomSettings::embedded(1) });
         io::save(&file, &volume, &Progress::new()).unwrap();
         let args = FlyArgs { input: Some(file), ..FlyArgs::default() };
         let open = |is_whole: bool| {

@@ -271,8 +271,9 @@ mod tests {
     use crate::fields::lumen;
     use crate::host::window::controller::FlightController;
     use crate::host::window::controller::tests::{cockpit_of, perform, trace};
-    use crate::phantom::{Phantom, PhantomSettings};
+    use crate::phantom::PhantomSettings;
     use crate::render::{ImageSize, Settings};
+    use crate::shared::shared;
     use crate::volume::Grid;
 
     /// A flight through the phantom once both scans are at hand, or it is known that there is one.
@@ -299,8 +300,7 @@ mod tests {
 
     /// A flight that has shown nothing yet.
     fn begun(guide: &'static str, fluid: bool) -> FlightController {
-        let phantom = Phantom::new(&PhantomSettings { fluid, ..PhantomSettings::embedded(1) });
-        let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+        let (_, volume) = shared(&PhantomSettings { fluid, ..PhantomSettings::embedded(1) });
         let mut scan = crate::app::Scan::of(volume, &OpenOptions::default()).unwrap();
         let settings = Settings { adaptive: false, ..Settings::default() };
         let image = ImageSettings { width: 96, height: 72, settings, ..ImageSettings::default() };

@@ -10,9 +10,10 @@ use crate::fields::lumen;
 use crate::host::window::actions::KeySettings;
 use crate::host::window::keys::Hold;
 use crate::host::window::panels::{BUILT_IN, FlightInput, SliceInput};
-use crate::phantom::{Phantom, PhantomSettings};
+use crate::phantom::PhantomSettings;
 use crate::progress::Progress;
 use crate::render::{ImageSize, Preset, Quality, Settings};
+use crate::shared::shared;
 use crate::space::{PreparedVolume, TransferFunction};
 use crate::volume::{Grid, Volume};
 
@@ -52,9 +53,7 @@ fn flight_with(guide: &'static str, other_end: DVec3, change: impl FnOnce(&mut S
 
 /// A flight along the path of a phantom, in pictures of 96 × 72 pixels.
 pub(crate) fn phantom_flight(phantom: &PhantomSettings) -> FlightApp {
-    let phantom = Phantom::new(phantom);
-    let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
-    let mut scan = Scan::of(volume, &OpenOptions::default()).unwrap();
+    let mut scan = Scan::of(shared(phantom).1, &OpenOptions::default()).unwrap();
     let settings = Settings { adaptive: false, ..Settings::default() };
     let image = ImageSettings { width: WINDOW.width, height: WINDOW.height, settings, ..ImageSettings::default() };
     let scene = Scene { picture: true, operator: true, image, ..Scene::guided_by("path") };

@@ -343,6 +343,7 @@ mod tests {
 
     /// Fails if what was seen is lost when a scan is closed.
     #[test]
+    #[ignore = "slow: coverage of a phantom, opened again and again"]
     fn what_was_seen_is_there_when_the_scan_is_opened_again() {
         let dir = tempfile::tempdir().unwrap();
         let now = Instant::now();

@@ -119,6 +119,7 @@ mod tests {
     use glam::DMat3;
 
     use super::*;
+    use crate::checks::cases;
     use crate::fields::ClearanceFinder;
     use crate::math::hash;
     use crate::volume::{Grid, Volume};
@@ -149,7 +150,7 @@ mod tests {
             let radius = 1.5;
             assert!(walls.at(start).mm > radius);
             let mut at = start;
-            for n in 0..4000u64 {
+            for n in 0..cases(4000u64, 500) {
                 let u = |k| hash::uniform(3, 8 * n + k) * 2.0 - 1.0;
                 let size = 10f64.powf(u(3) * 5.0);
                 let from = at;

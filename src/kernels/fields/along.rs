@@ -246,8 +246,10 @@ impl Along {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::checks::cases;
     use crate::fields::lumen;
-    use crate::phantom::{Phantom, PhantomSettings, Size};
+    use crate::phantom::{PhantomSettings, Size};
+    use crate::shared::shared;
 
     /// The line that `colvis centerline` writes.
     fn line_of(volume: &Volume, lumen: &Lumen) -> Centerline {
@@ -260,10 +262,10 @@ mod tests {
 
     #[test]
     fn a_place_is_as_far_along_as_the_centerline_says() {
-        for (fluid, collapsed, seed) in [(false, false, 1), (true, false, 2), (true, true, 3)] {
+        let phantoms = [(false, false, 1), (true, false, 2), (true, true, 3)];
+        for (fluid, collapsed, seed) in phantoms.into_iter().take(cases(3, 1)) {
             let settings = PhantomSettings { size: Size::Small, fluid, collapsed, seed, ..PhantomSettings::default() };
-            let phantom = Phantom::new(&settings);
-            let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+            let (_, volume) = shared(&settings);
             let found = lumen::find(&volume, &Progress::new()).unwrap();
             assert!(found.ordered, "{seed}");
             let along = found.along(&volume, &Progress::new()).unwrap();

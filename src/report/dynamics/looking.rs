@@ -192,6 +192,7 @@ fn turning(log: &[LogLine], dt: f64) -> [Vec<f64>; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shared::shared;
     use crate::testing::Room;
 
     fn line(t: f64, position: DVec3, forward: DVec3, up: DVec3) -> LogLine {
@@ -237,10 +238,10 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "slow: flights by two guides, both ways"]
     fn flights_that_look_along_the_way_seldom_look_at_a_wall() {
-        let phantom = Phantom::new(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
-        let volume = Arc::new(phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap());
-        let volume = PreparedVolume::new(volume, TransferFunction::default());
+        let (_, volume) = shared(&PhantomSettings::embedded(1));
+        let volume = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
         let mut scan = Scan::prepared(volume, Arc::new(Progress::new()));
         for guide in ["potential", "path"] {
             for reverse in [false, true] {

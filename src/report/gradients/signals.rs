@@ -187,6 +187,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "slow: all signals of the report on gradients"]
     fn points_lie_within_the_samples_where_the_value_is_that_of_the_wall() {
         for shape in [DVec3::ONE, DVec3::new(1.0, 1.0, 3.0)] {
             for s in all(shape, &Progress::new()).unwrap() {

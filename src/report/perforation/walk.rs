@@ -374,6 +374,7 @@ mod tests {
 
     /// The judge must detect what a step without the clamp does.
     #[test]
+    #[ignore = "slow: makes all volumes of the perforation report"]
     fn a_step_without_walls_is_caught() {
         let grounds = grounds(1, &crate::progress::Progress::new()).unwrap();
         let ground = &grounds[6].1;

@@ -96,6 +96,7 @@ fn the_reference_has_no_error_and_a_finer_step_has_less() {
 }
 
 #[test]
+#[ignore = "slow: the claims of the report on renderers"]
 fn reuse_is_told_apart_from_sampling() {
     let make = late;
     let traits = Traits { keeps: true, ..Traits::default() };
@@ -126,6 +127,7 @@ fn claims_without_their_methods_are_not_told() {
 
 /// Recalculations with a cache are counted; those without one are the worst case.
 #[test]
+#[ignore = "slow: the claims of the report on renderers"]
 fn recalculations_are_counted() {
     let r = recount::recount(&tube(), &stops()[..1], &EXTENT).unwrap();
     assert!(r.voxels > 100 && r.again <= r.voxels && r.computed >= 2 * r.voxels, "{r:?}");

@@ -312,6 +312,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "slow: flights to missed patches in real time"]
     fn the_camera_flies_to_the_next_missed_patch_looks_at_it_and_waits() {
         let (mut c, mut now) = watched();
         let here = c.flight().pose().position;
@@ -340,6 +341,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "slow: coverage of a flight"]
     fn a_patch_is_told_where_its_file_and_the_bar_have_it() {
         let (mut c, mut now) = watched();
         let list = c.seen().list().unwrap().to_vec();
@@ -367,6 +369,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "slow: coverage of a flight through a collapsed phantom"]
     fn a_review_with_nothing_to_look_at_goes_to_the_segment_that_has() {
         let (mut c, mut now) = watched_in(PhantomSettings { collapsed: true, ..PhantomSettings::embedded(1) });
         assert!(c.flight().setup().lumen.segments.len() > 1);
@@ -390,6 +393,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "slow: coverage of a flight through a collapsed phantom"]
     fn a_review_goes_on_in_the_next_segment_and_ends_once() {
         let (mut c, mut now) = watched_in(PhantomSettings { collapsed: true, ..PhantomSettings::embedded(1) });
         let first = c.flight().setup().plan.segment.unwrap();
@@ -413,6 +417,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "slow: candidates of a phantom, and coverage of a flight"]
     fn a_review_looks_at_unsure_candidates_too() {
         let (mut c, mut now) = watched();
         c.stop(now);

@@ -10,13 +10,14 @@ use crate::host::window::controller::FlightController;
 use crate::host::window::controller::tests::{cockpit_of, perform, trace};
 use crate::host::window::panels::{AssistInput, FlightInput, SliceInput};
 use crate::math::hash;
-use crate::phantom::{Phantom, PhantomSettings};
+use crate::phantom::PhantomSettings;
 use crate::polyps::answers::Answer;
 use crate::render::{ImageSize, Settings};
+use crate::shared::shared;
 
 /// A scan with other gas beside the colon, which is collapsed in places.
 fn scan() -> Scan {
-    let phantom = Phantom::new(&PhantomSettings {
+    let (_, volume) = shared(&PhantomSettings {
         ileum: true,
         stomach: true,
         lungs: true,
@@ -24,7 +25,6 @@ fn scan() -> Scan {
         noise: true,
         ..PhantomSettings::embedded(1)
     });
-    let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
     Scan::of(volume, &OpenOptions::default()).unwrap()
 }
 

@@ -13,9 +13,10 @@ use crate::coverage::LiveCoverage;
 use crate::fields::{Along, AlongColon};
 use crate::host::window::controller::FlightController;
 use crate::host::window::controller::tests::{cockpit_of, perform, trace};
-use crate::phantom::{Phantom, PhantomSettings};
+use crate::phantom::PhantomSettings;
 use crate::progress::Progress;
 use crate::render::Settings;
+use crate::shared::shared;
 use crate::volume::Volume;
 
 /// Longest wait for the background.
@@ -25,8 +26,7 @@ const INTO_GAS_MM: f64 = 2.0;
 
 /// The embedded phantom, and the measure along it.
 fn scanned(fluid: bool, collapsed: bool) -> (Volume, Arc<Along>) {
-    let phantom = Phantom::new(&PhantomSettings { fluid, collapsed, ..PhantomSettings::embedded(1) });
-    measured(phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap())
+    measured(shared(&PhantomSettings { fluid, collapsed, ..PhantomSettings::embedded(1) }).1)
 }
 
 /// A scan, and the measure along it as it is in its file.
@@ -115,11 +115,13 @@ fn candidates_agree(guide: &'static str, fluid: bool, collapsed: bool) {
 }
 
 #[test]
+#[ignore = "slow: candidates of a phantom"]
 fn candidates_have_the_places_of_their_file() {
     candidates_agree("tentacles", false, false);
 }
 
 #[test]
+#[ignore = "slow: candidates of a phantom with tag"]
 fn candidates_under_tag_have_the_places_of_their_file() {
     candidates_agree("tentacles", true, false);
     // The scan that is flown has its tag taken out.
@@ -127,12 +129,14 @@ fn candidates_under_tag_have_the_places_of_their_file() {
 }
 
 #[test]
+#[ignore = "slow: candidates of a collapsed phantom"]
 fn candidates_in_several_segments_have_the_places_of_their_file() {
     candidates_agree("tentacles", true, true);
 }
 
 /// The measure is known some time after the flight has begun, the later the larger the scan.
 #[test]
+#[ignore = "slow: flights through a phantom"]
 fn what_was_flown_before_the_measure_was_known_is_read() {
     let (scan, along) = scanned(true, false);
     let (mut c, mut now) = (window(scan, "path", 0.0), Instant::now());
@@ -148,6 +152,7 @@ fn what_was_flown_before_the_measure_was_known_is_read() {
 }
 
 #[test]
+#[ignore = "slow: flights through three phantoms"]
 fn missed_patches_have_the_places_of_the_measure_along_the_scan() {
     for (fluid, collapsed) in [(false, false), (true, false), (true, true)] {
         let (scan, along) = scanned(fluid, collapsed);

@@ -16,7 +16,7 @@ use image::{ExtendedColorType, ImageEncoder};
 use super::open::{FileList, Listing};
 use super::series::SeriesList;
 use super::*;
-use crate::app::{FlightRequest, Scan, Scene};
+use crate::app::{FlightRequest, OpenOptions, Scan, Scene};
 use crate::host::window::actions::{ActionContext, KeySettings};
 use crate::host::window::directions::Directions;
 use crate::host::window::interface::{Interface, WindowSize};
@@ -26,7 +26,9 @@ use crate::host::window::painter::Artist;
 use crate::host::window::place::Bar;
 use crate::host::window::sheet::Sheet;
 use crate::host::window::workspace::{LAYOUTS, Workspace};
+use crate::phantom::PhantomSettings;
 use crate::render::{Frame, ImageSize, Light};
+use crate::shared::shared;
 use crate::volume::io::study::{self, Picture, Series, Study};
 
 /// A pixel differs if one of its colours differs by more than the first number, and a picture if more pixels differ than the
@@ -49,7 +51,9 @@ impl Stage {
     fn new(pixels: ImageSize, scale: f32) -> Self {
         let mut scene = Scene { picture: true, operator: true, ..Scene::guided_by("tentacles") };
         scene.image.settings.light = Light::ENDOSCOPE;
-        let flight = Scan::phantom(1).and_then(|mut scan| scan.flight(scene, &FlightRequest::default())).unwrap();
+        let (_, volume) = shared(&PhantomSettings::embedded(1));
+        let mut scan = Scan::of(volume, &OpenOptions::default()).unwrap();
+        let flight = scan.flight(scene, &FlightRequest::default()).unwrap();
         let actions =
             Actions::new(&flight.setup().scene.guides, &[], BUILT_IN, &KeySettings::new()).map(Rc::new).unwrap();
         let hud = HudState {

@@ -8,12 +8,13 @@ use glam::{DVec2, DVec3};
 
 use super::model::AnyCamera;
 use super::*;
+use crate::checks::cases;
 use crate::phantom::{Phantom, PhantomSettings as Colon, Size};
-use crate::progress::Progress;
 use crate::render::adaptive::{Adaptive, Budget, SAMPLES};
 use crate::render::{
     Classification, Direct, Frame, Preset, Quality, Renderer, Reuse, Settings, presets, psnr, renderer,
 };
+use crate::shared::shared;
 use crate::space::{PreparedVolume, TransferFunction, first_crossing};
 
 /// An equidistant fisheye: the angle from the axis grows with the distance from the middle, and ends at the shorter
@@ -100,7 +101,7 @@ fn cameras() -> [Arc<dyn Camera>; 4] {
 }
 
 fn volume(preset: Preset) -> PreparedVolume {
-    let volume = Arc::new(Phantom::embedded(&Progress::default()).unwrap());
+    let volume = Arc::new(shared(&Colon::embedded(1)).1);
     match preset.preparation {
         crate::render::Preparation::Flags => PreparedVolume::new(volume, TransferFunction::default()),
         crate::render::Preparation::BricksOnly => PreparedVolume::lean(volume, TransferFunction::default()),
@@ -117,14 +118,14 @@ fn view(camera: &Arc<dyn Camera>, share: f64) -> View {
 
 #[test]
 fn every_preset_shows_what_the_reference_does() {
-    for preset in presets::BUILT_IN {
+    for preset in presets::BUILT_IN.into_iter().take(cases(usize::MAX, 1)) {
         let volume = volume(preset);
         // The paper's preset classifies by filtered density.
         let filtered = preset == presets::colvis::PRESET;
         let classification = if filtered { Classification::Filtered } else { Classification::Value };
         let reference = Settings { classification, ..Settings::new(Quality::Reference) };
         let (mut reference, mut exact) = (Direct::new(&volume, reference), Frame::default());
-        for camera in cameras() {
+        for camera in cameras().into_iter().take(cases(usize::MAX, 2)) {
             let mut high = renderer(&volume, Settings::default(), preset, Reuse::Allowed);
             let mut low = renderer(&volume, Settings::new(Quality::Low), preset, Reuse::Allowed);
             // Twice from nearby positions, so that data kept from frame to frame is used.
@@ -152,7 +153,7 @@ fn every_preset_shows_what_the_reference_does() {
 #[test]
 fn pictures_at_rest_come_to_the_reference() {
     let volume = volume(Preset::default());
-    for camera in cameras() {
+    for camera in cameras().into_iter().take(cases(usize::MAX, 2)) {
         let settings = Settings { adaptive: true, ..Settings::default() };
         let mut adaptive = renderer(&volume, settings, Preset::default(), Reuse::Allowed);
         let (view, mut frame, mut exact) = (view(&camera, 0.5), Frame::default(), Frame::default());

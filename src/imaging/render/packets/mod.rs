@@ -201,10 +201,10 @@ mod tests {
     use glam::{DMat3, DVec3};
 
     use super::*;
-    use crate::phantom::{Phantom, PhantomSettings as Colon, Size};
-    use crate::progress::Progress;
+    use crate::phantom::PhantomSettings as Colon;
     use crate::render::Quality;
     use crate::render::renderer::SQUARE;
+    use crate::shared::shared;
     use crate::space::TransferFunction;
     use crate::volume::{Grid, Volume};
 
@@ -259,11 +259,8 @@ mod tests {
     /// Squares of pixels match a picture with a ray for every pixel, at its borders, too.
     #[test]
     fn squares_are_those_of_the_whole_picture() {
-        let volume = PreparedVolume::new(
-            Arc::new(Phantom::embedded(&Progress::default()).unwrap()),
-            TransferFunction::default(),
-        );
-        let phantom = Phantom::new(&Colon { size: Size::Small, ..Colon::default() });
+        let (phantom, volume) = shared(&Colon::embedded(1));
+        let volume = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
         let lumen = phantom.axis().frame(phantom.axis().length() * 0.4);
         let settings = Settings { step_power: -2, ..Settings::new(Quality::High) };
         for (_, level) in levels() {
@@ -288,11 +285,8 @@ mod tests {
 
     #[test]
     fn what_is_left_out_of_a_colon_changes_nothing() {
-        let volume = PreparedVolume::new(
-            Arc::new(Phantom::embedded(&Progress::default()).unwrap()),
-            TransferFunction::default(),
-        );
-        let phantom = Phantom::new(&Colon { size: Size::Small, ..Colon::default() });
+        let (phantom, volume) = shared(&Colon::embedded(1));
+        let volume = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
         let axis = phantom.axis();
         let views = [0, 1, 2, 3].map(|n| {
             let lumen = axis.frame(axis.length() * (n as f64 + 0.5) / 4.0);

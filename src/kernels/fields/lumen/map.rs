@@ -256,8 +256,9 @@ fn overlaid(top: &[Run], below: &[Run], out: &mut Vec<Run>) {
 mod tests {
     use super::*;
     use crate::fields::lumen;
-    use crate::phantom::{Phantom, PhantomSettings};
+    use crate::phantom::PhantomSettings;
     use crate::progress::Progress;
+    use crate::shared::shared;
 
     fn run(start: u32, end: u32, label: u32) -> Run {
         Run { start, end, label }
@@ -283,8 +284,7 @@ mod tests {
     #[test]
     fn every_voxel_of_the_lumen_is_in_the_body_of_its_segment() {
         let progress = Progress::new();
-        let phantom = Phantom::new(&PhantomSettings { fluid: true, ..PhantomSettings::embedded(1) });
-        let volume = phantom.voxelise(&phantom.grid(), &progress).unwrap();
+        let (_, volume) = shared(&PhantomSettings { fluid: true, ..PhantomSettings::embedded(1) });
         let lumen = lumen::find(&volume, &progress).unwrap();
         let others = lumen::not_colon(&volume, &lumen, &progress).unwrap();
         let map = others.map(&lumen, &[]).unwrap();

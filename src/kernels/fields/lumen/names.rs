@@ -245,14 +245,15 @@ impl Course<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::checks::cases;
     use crate::fields::lumen;
-    use crate::phantom::{Phantom, PhantomSettings, Size};
+    use crate::phantom::{PhantomSettings, Size};
     use crate::progress::Progress;
+    use crate::shared::shared;
 
     /// Returns the errors of the seven junctions of a phantom, mm along its true axis, and the uncertainties told.
     fn errors(settings: &PhantomSettings) -> Vec<(f64, f64)> {
-        let phantom = Phantom::new(settings);
-        let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+        let (phantom, volume) = shared(settings);
         let lumen = lumen::find(&volume, &Progress::new()).unwrap();
         let truth = phantom.truth();
         let names = lumen.names();
@@ -264,7 +265,7 @@ mod tests {
 
     #[test]
     fn junctions_are_where_a_phantom_has_them() {
-        for seed in 1..=3 {
+        for seed in 1..=cases(3, 1) {
             let collapsed = seed == 2;
             let settings = PhantomSettings { size: Size::Small, seed, collapsed, ..PhantomSettings::default() };
             for (n, (error, uncertainty)) in errors(&settings).into_iter().enumerate() {
@@ -277,8 +278,7 @@ mod tests {
     #[test]
     fn a_line_from_cecum_to_rectum_has_the_names_in_its_own_order() {
         let settings = PhantomSettings { size: Size::Small, ..PhantomSettings::default() };
-        let phantom = Phantom::new(&settings);
-        let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+        let (phantom, volume) = shared(&settings);
         let names = lumen::find(&volume, &Progress::new()).unwrap().names();
         let mut line = phantom.truth().centerline;
         let there = names.on(&line);

@@ -115,13 +115,13 @@ mod tests {
     use super::*;
     use crate::fields::lumen;
     use crate::math::hash;
-    use crate::phantom::{Phantom, PhantomSettings, Size};
+    use crate::phantom::{PhantomSettings, Size};
+    use crate::shared::shared;
 
     #[test]
     fn places_on_the_axis_are_as_far_along_as_they_are() {
         let settings = PhantomSettings { size: Size::Small, ..PhantomSettings::default() };
-        let phantom = Phantom::new(&settings);
-        let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+        let (phantom, volume) = shared(&settings);
         let lumen = lumen::find(&volume, &Progress::new()).unwrap();
         let along = CoarseAlong::new(&lumen, &Progress::new()).unwrap();
         let truth = phantom.truth();

@@ -331,6 +331,7 @@ fn data(name: &str) -> Option<Volume> {
 }
 
 #[test]
+#[ignore = "slow: the lumen of the real scan"]
 fn the_prone_scan_has_three_segments_in_order() {
     let Some(volume) = data("ctc_prone.nii.gz") else { return };
     let lumen = found(&volume);
@@ -383,11 +384,11 @@ fn an_unprepared_abdomen_is_no_colon_to_fly() {
 
 #[test]
 fn the_phantom_is_one_lumen_from_rectum_to_cecum() {
-    use crate::phantom::{Phantom, PhantomSettings, Size};
+    use crate::phantom::{PhantomSettings, Size};
+    use crate::shared::shared;
     for (fluid, bridges) in [(false, false), (true, true)] {
-        let phantom =
-            Phantom::new(&PhantomSettings { size: Size::Small, fluid, bridges, ..PhantomSettings::default() });
-        let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+        let settings = PhantomSettings { size: Size::Small, fluid, bridges, ..PhantomSettings::default() };
+        let (phantom, volume) = shared(&settings);
         let lumen = found(&volume);
         let truth = phantom.truth();
         let ml = lumen.gas_ml() + lumen.fluid_ml();
@@ -405,6 +406,7 @@ fn the_phantom_is_one_lumen_from_rectum_to_cecum() {
 }
 
 #[test]
+#[ignore = "slow: two phantoms with every lesion and decoy"]
 fn a_colon_with_lesions_and_decoys_is_one_lumen() {
     for (pools, seed) in [(false, 1), (true, 2)] {
         let settings = PhantomSettings {

@@ -332,6 +332,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "slow: a phantom of the report on fields"]
     fn a_phantom_gives_a_row_and_so_does_a_failure() {
         let mut runs = vec![phantom(BASE, Size::Small, 1, &Progress::new()).unwrap()];
         let share = runs[0].share().unwrap();

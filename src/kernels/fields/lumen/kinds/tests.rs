@@ -1,27 +1,30 @@
 //! What the gas of whole phantoms is taken for, the rules one by one, and the parts of a body.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
 use super::rules::{RULES, for_colon, weigh};
 use super::{Chain, Features, GasKind, judge};
+use crate::checks::cases;
 use crate::fields::lumen;
 use crate::phantom::{Phantom, PhantomSettings, Position, Size};
 use crate::progress::Progress;
+use crate::shared::shared;
 use crate::volume::{PatientPosition, Volume};
 
 /// A phantom with every kind of gas.
-fn phantom(seed: u64, position: Position) -> Phantom {
-    Phantom::new(&PhantomSettings::with_all_gas(Size::Small, seed, position))
+fn phantom(seed: u64, position: Position) -> (Arc<Phantom>, Volume) {
+    shared(&PhantomSettings::with_all_gas(Size::Small, seed, position))
 }
 
 #[test]
 fn what_is_called_colon_is_the_colon() {
     const SMALL_BOWEL: u8 = 2;
     // An open valve on the back, and a closed one with a descending colon full of fluid on the left side.
-    let cases = [(1, Position::Supine, PatientPosition::Supine), (2, Position::Left, PatientPosition::Left)];
-    for (seed, position, expected) in cases {
-        let (phantom, progress) = (phantom(seed, position), Progress::default());
-        let volume = phantom.voxelise(&phantom.grid(), &progress).unwrap();
+    let phantoms = [(1, Position::Supine, PatientPosition::Supine), (2, Position::Left, PatientPosition::Left)];
+    for (seed, position, expected) in phantoms.into_iter().take(cases(2, 1)) {
+        let ((phantom, volume), progress) = (phantom(seed, position), Progress::default());
         let lumen = lumen::find(&volume, &progress).unwrap();
         let (mask, labels) = (lumen.mask(), phantom.labels(volume.grid(), &progress).unwrap());
         let count = |which: &dyn Fn(u8, u8) -> bool| mask.iter().zip(&labels).filter(|v| which(*v.0, *v.1)).count();
@@ -135,9 +138,8 @@ fn slab(volume: &Volume, [from, to]: [f64; 2]) -> Volume {
 #[test]
 fn scans_of_other_regions_are_not_flown() {
     const COLON: u8 = 1;
-    for seed in 1..=5 {
-        let (phantom, progress) = (phantom(seed, Position::Supine), Progress::default());
-        let whole = phantom.voxelise(&phantom.grid(), &progress).unwrap();
+    for seed in 1..=cases(5, 1) {
+        let ((phantom, whole), progress) = (phantom(seed, Position::Supine), Progress::default());
         let labels = phantom.labels(whole.grid(), &progress).unwrap();
         let unprepared = whole.data().iter().zip(&labels).map(|(&hu, &l)| if l == COLON { 40 } else { hu }).collect();
         let unprepared = Volume::new(whole.grid().clone(), unprepared);
