@@ -191,6 +191,7 @@ def environment(**more):
     peers = ROOT / "target/peers/bin/python"
     env = dict(os.environ, CARGO_INCREMENTAL="1", CARGO_TARGET_DIR=str(TREE / "target"), **more)
     env.setdefault("COLVIS_TEST_DATA", str(ROOT.parent / "shared/data"))
+    env.setdefault("COLVIS_CHECKS", "full")
     if peers.exists():
         env.setdefault("COLVIS_PEERS", str(peers))
     return env
@@ -276,7 +277,7 @@ def limits():
 def run_test(program, name, seconds, **env):
     """Runs one test. Returns "passed", "failed" or "time", and its seconds."""
     start = time.monotonic()
-    process = subprocess.Popen([program, "--exact", name], cwd=TREE, env=environment(**env), stdin=subprocess.DEVNULL,
+    process = subprocess.Popen([program, "--include-ignored", "--exact", name], cwd=TREE, env=environment(**env), stdin=subprocess.DEVNULL,
                                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, preexec_fn=limits)
     try:
         outcome = "passed" if process.wait(seconds) == 0 else "failed"

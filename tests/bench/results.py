@@ -487,7 +487,7 @@ PARTS = {
 
 BY_TESTS = """## Bounds held by tests
 
-Tests hold these numbers within bounds and print what they measure: `cargo test --release TESTS -- --nocapture`.
+Tests hold these numbers within bounds and print what they measure: `COLVIS_CHECKS=full cargo test --release TESTS -- --include-ignored --nocapture`.
 
 | measurement | TESTS |
 |---|---|
