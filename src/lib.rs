@@ -121,6 +121,10 @@
 //! [profile.dev.package]
 //! "*" = { opt-level = 1, debug = false }
 //! colvis = { opt-level = 3, debug = false }
+//! colvis-imaging = { opt-level = 3, debug = false }
+//! colvis-kernels = { opt-level = 3, debug = false }
+//! colvis-phantom = { opt-level = 3, debug = false }
+//! colvis-scan = { opt-level = 3, debug = false }
 //! bevy_ecs = { opt-level = 3, debug = false }
 //! zlib-rs = { opt-level = 3, debug = false }
 //! ```
@@ -203,9 +207,6 @@ pub use colvis_scan::{error, math, output, progress, volume};
 pub(crate) use colvis_scan::{memory, panics};
 
 pub mod app;
-#[cfg(test)]
-#[path = "../tests/support/checks.rs"]
-mod checks;
 pub mod cli;
 pub mod components;
 pub mod coverage;

@@ -284,7 +284,7 @@ fn bridges_cross_the_lumen_and_leave_the_axis_free() {
 fn the_embedded_phantom_is_cancelled_when_asked() {
     let progress = Progress::new();
     progress.cancel();
-    assert_eq!(Phantom::embedded(&progress).unwrap_err().kind, crate::error::Kind::Incomplete);
+    assert_eq!(Phantom::embedded(&progress).unwrap_err().kind, error::Kind::Incomplete);
     let start = std::time::Instant::now();
     let volume = Phantom::embedded(&Progress::new()).unwrap();
     println!("embedded phantom: {:?}, {:?}", start.elapsed(), volume.grid().dims());

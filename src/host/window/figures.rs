@@ -9,7 +9,7 @@ use crate::components::camera::{Contact, Velocity};
 use crate::components::input::Hand;
 use crate::components::output::Picture;
 use crate::fields::lumen::{Lumen, Names};
-use crate::render::{ImageSize, Quality};
+use crate::render::ImageSize;
 use crate::schedule::PluginTime;
 
 /// Minimum time between two updates of the figures.

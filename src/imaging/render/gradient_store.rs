@@ -1,5 +1,5 @@
 //! Gradients that are not recomputed for every sample. They are computed ahead of time, near the wall or everywhere
-//! (the paper's section 2.2), or [cached](super::gradient_cache).
+//! (the paper's section 2.2), or cached.
 //!
 //! Both keep the regressions at voxels and interpolate them, as the paper does. They are quantised, so that the same
 //! voxel always gives the same bits: here to 16 bits per component, which is 1/8 HU per h.

@@ -4,7 +4,7 @@
 //! tissue. It ends where the values along the ray fall below the edge of fat (fat, or gas beyond), or rise to tagged
 //! fluid or bone. A wall so thin that its blurred values never reach soft tissue ends at their maximum. If soft tissue
 //! continues too far to be the wall alone (an adjacent organ), the thickness cannot be measured and is taken as
-//! [`DEFAULT_MM`]. Tissue between two pieces of lumen is the wall of both: half of it counts as the thickness of each.
+//! `DEFAULT_MM`. Tissue between two pieces of lumen is the wall of both: half of it counts as the thickness of each.
 
 use glam::DVec3;
 use rayon::prelude::*;

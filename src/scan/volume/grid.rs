@@ -84,16 +84,19 @@ impl Grid {
     }
 
     /// Returns the number of voxels along each index axis.
+    #[inline]
     pub fn dims(&self) -> [usize; 3] {
         self.dims
     }
 
     /// Returns the distance between neighbouring voxels along each index axis, mm.
+    #[inline]
     pub fn spacing(&self) -> DVec3 {
         self.spacing
     }
 
     /// Returns the smallest spacing, mm: the `h` of the opacity formula and the unit of steps along a ray.
+    #[inline]
     pub fn min_spacing(&self) -> f64 {
         self.spacing.min_element()
     }
@@ -110,6 +113,7 @@ impl Grid {
 
     /// Returns the number of voxels.
     #[expect(clippy::len_without_is_empty, reason = "a grid is never empty")]
+    #[inline]
     pub fn len(&self) -> usize {
         self.dims[0] * self.dims[1] * self.dims[2]
     }
@@ -125,16 +129,19 @@ impl Grid {
     }
 
     /// Returns the world position (mm LPS) of a (fractional) voxel index.
+    #[inline]
     pub fn world(&self, voxel: DVec3) -> DVec3 {
         self.to_world.transform_point3(voxel)
     }
 
     /// Returns the (fractional) voxel index of a world position (mm LPS).
+    #[inline]
     pub fn voxel(&self, world: DVec3) -> DVec3 {
         self.to_voxel.transform_point3(world)
     }
 
     /// True if a world position (mm LPS) is inside a voxel. Each voxel extends half its size beyond its centre.
+    #[inline]
     pub fn contains(&self, world: DVec3) -> bool {
         let at = self.voxel(world).to_array();
         // Written so that NaN gives false.
@@ -142,6 +149,7 @@ impl Grid {
     }
 
     /// Returns the volume of one voxel, ml.
+    #[inline]
     pub fn voxel_ml(&self) -> f64 {
         self.to_world.matrix3.determinant().abs() / 1000.0
     }

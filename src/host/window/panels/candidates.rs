@@ -12,7 +12,6 @@ use crate::host::window::assistant::{
     Assistant, Entry, Found, Measured, Order, Reading, SIDE, Said, Showing, State, answer_text,
 };
 use crate::host::window::overlay::{ACCENT, INK, SOFT, Severity, TEXT, text};
-use crate::polyps::Form;
 use crate::polyps::answers::Answer;
 
 /// Its entry in the table.

@@ -1,8 +1,8 @@
 //! Frame-to-frame acceleration (the paper's section 2.2) that is never wrong.
 //!
 //! The camera moves little between pictures, so most of what a ray passes was seen to be empty in the last one.
-//! [`known`] returns which part of each new ray is proven to be empty, for any motion with six degrees of freedom.
-//! Everything else is traced again. [`prove`] finds along each ray what the next picture may rely on. [`paper`] has the
+//! `known` returns which part of each new ray is proven to be empty, for any motion with six degrees of freedom.
+//! Everything else is traced again. `prove` finds along each ray what the next picture may rely on. `paper` has the
 //! paper's own rule, a guess that is limited to what is proven.
 //!
 //! Rays leave out only samples of opacity 0, and all samples stay at the same positions. A picture is therefore the

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! In the world frame `L′` has no gyroscopic term; it is contained in `ω = J(q)⁻¹ L`. The free motion of a cylinder is
-//! known exactly ([`free`]), so a fast spin costs no stability ([`rotation`]).
+//! known exactly ([`free`]), so a fast spin costs no stability (`rotation`).
 
 #[doc(hidden)]
 pub mod free;
