@@ -6,14 +6,11 @@ use std::process::{Child, Stdio};
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-use image::codecs::gif::{GifEncoder, Repeat};
-use image::{Delay, ExtendedColorType, ImageEncoder};
-
 use crate::app::overlay::Mark;
 use crate::components::output::Picture;
 use crate::error::{Error, Result};
 use crate::host::frames::FrameStats;
-use crate::output::{self, AtomicFile};
+use crate::output::{self, AtomicFile, png};
 use crate::render::{Frame, ImageSize};
 use crate::systems::present::Presenter;
 
@@ -31,11 +28,12 @@ pub(crate) fn write_png(path: &Path, frame: &Frame) -> Result<()> {
 /// Returns status 5 if it cannot be written.
 pub(crate) fn write_grey_png(path: &Path, pixels: &[u8], [width, height]: [usize; 2]) -> Result<()> {
     output::write_whole(path, |w| {
-        image::codecs::png::PngEncoder::new(w)
-            .write_image(pixels, width as u32, height as u32, ExtendedColorType::L8)
-            .map_err(std::io::Error::other)
+        png::encode(w, pixels, [width, height], png::ColorType::Grayscale, png::Compression::Fast)
     })
 }
+
+/// How fast the palette of a GIF's image is chosen, 1 (best) to 30: the colours are learnt from every tenth pixel.
+const PALETTE_SPEED: i32 = 10;
 
 /// The presenter to which a flight hands the pictures to record.
 pub(crate) struct Recording {
@@ -132,8 +130,8 @@ pub(crate) enum Recorder {
     },
     /// An animated GIF.
     Gif {
-        /// The encoder, which writes to `file`.
-        encoder: Box<GifEncoder<Shared>>,
+        /// The encoder, which writes to `file`. `None` before the first image, whose size it takes.
+        encoder: Option<gif::Encoder<Shared>>,
         /// The same file, to finish it after the encoder has written its end.
         file: Shared,
         /// The final name of the file.
@@ -169,9 +167,7 @@ impl Recorder {
         match ending.as_deref() {
             Some("gif") => {
                 let file = Shared(Arc::new(Mutex::new(Some(AtomicFile::create(&path)?))));
-                let mut encoder = GifEncoder::new_with_speed(file.clone(), 10);
-                encoder.set_repeat(Repeat::Infinite).map_err(|e| failed(&path, e))?;
-                Ok(Self::Gif { encoder: Box::new(encoder), file, path, fps, count: 0 })
+                Ok(Self::Gif { encoder: None, file, path, fps, count: 0 })
             }
             Some("mp4") => Self::video(path, ImageSize { width, height }, fps),
             _ => Err(Error::usage(
@@ -220,15 +216,34 @@ impl Recorder {
                 *count += 1;
                 Ok(())
             }
-            Self::Gif { encoder, path, fps, count, .. } => {
+            Self::Gif { encoder, file, path, fps, count } => {
                 // A GIF counts hundredths of a second. The time that rounding takes from one image is given to the next.
                 let until = |n: u64| (n as f64 * 100.0 / *fps).round() as u32;
-                let delay = Delay::from_numer_denom_ms((until(*count + 1) - until(*count)) * 10, 1);
+                let delay = u16::try_from(until(*count + 1) - until(*count)).unwrap_or(u16::MAX);
                 *count += 1;
-                let rgba = frame.pixels().iter().flat_map(|p| [p[0], p[1], p[2], 255]).collect();
-                let image = image::RgbaImage::from_raw(frame.width() as u32, frame.height() as u32, rgba)
-                    .ok_or_else(|| Error::fault("recording", "image of the wrong size", "report it"))?;
-                encoder.encode_frame(image::Frame::from_parts(image, 0, 0, delay)).map_err(|e| failed(path, e))
+                let side = |n: usize| {
+                    u16::try_from(n).map_err(|_| {
+                        Error::output(
+                            path,
+                            format!("a GIF has at most {} pixels a side", u16::MAX),
+                            "record smaller images",
+                        )
+                    })
+                };
+                let (width, height) = (side(frame.width())?, side(frame.height())?);
+                let encoder = match encoder {
+                    Some(encoder) => encoder,
+                    none => {
+                        let mut new =
+                            gif::Encoder::new(file.clone(), width, height, &[]).map_err(|e| failed(path, e))?;
+                        new.set_repeat(gif::Repeat::Infinite).map_err(|e| failed(path, e))?;
+                        none.insert(new)
+                    }
+                };
+                let mut image = gif::Frame::from_rgb_speed(width, height, frame.pixels().as_flattened(), PALETTE_SPEED);
+                image.delay = delay;
+                image.dispose = gif::DisposalMethod::Background;
+                encoder.write_frame(&image).map_err(|e| failed(path, e))
             }
             Self::Video { child, path, .. } => child
                 .stdin
@@ -294,9 +309,9 @@ impl Write for Shared {
     }
 }
 
-fn failed(path: &Path, e: image::ImageError) -> Error {
+fn failed(path: &Path, e: gif::EncodingError) -> Error {
     match e {
-        image::ImageError::IoError(e) => output::cannot(path, e),
+        gif::EncodingError::Io(e) => output::cannot(path, e),
         e => Error::output(path, e.to_string(), "choose another place").caused_by(e),
     }
 }

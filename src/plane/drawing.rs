@@ -4,9 +4,9 @@ use std::io::Cursor;
 use std::path::Path;
 
 use glam::DVec3;
-use image::{DynamicImage, ImageError, ImageFormat, ImageReader};
 
 use crate::error::{Error, Result};
+use crate::output::png::{Decoder, Fault, Samples};
 use crate::render::ImageSize;
 
 /// Scale of a drawing: length of a pixel's side, mm.
@@ -76,32 +76,28 @@ impl Drawing {
     /// # Errors
     /// Returns status 3 as [`Drawing::read`] does.
     pub fn decode(what: &str, bytes: &[u8]) -> Result<Self> {
-        let broken =
-            |e: ImageError| Error::input(what, format!("is not a readable PNG ({e})"), "give a PNG").caused_by(e);
+        let broken = |e: Fault| Error::input(what, format!("is not a readable PNG ({e})"), "give a PNG").caused_by(e);
         // The size is in the header: an image that is too large is refused before any of it is unpacked.
-        let reader = || ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
-        let (width, height) = reader().into_dimensions().map_err(broken)?;
+        let decoder = Decoder::new(Cursor::new(bytes), u32::MAX).map_err(broken)?;
+        let (width, height) = decoder.size();
         let size = ImageSize::new(width as usize, height as usize);
         if width > MOST_PIXELS || height > MOST_PIXELS || width < 3 || height < 3 {
             return Self::new(what, size, Vec::new());
         }
-        let image = reader().decode().map_err(broken)?;
-        Self::from_image(what, &image)
+        Self::from_samples(what, size, &decoder.read().map_err(broken)?)
     }
 
-    fn from_image(what: &str, image: &DynamicImage) -> Result<Self> {
-        let rgba = image.to_rgba8();
-        let size = ImageSize::new(rgba.width() as usize, rgba.height() as usize);
+    fn from_samples(what: &str, size: ImageSize, samples: &Samples) -> Result<Self> {
         let (mut red, mut green) = (Mark::default(), Mark::default());
-        let lumen = rgba
-            .enumerate_pixels()
-            .map(|(i, j, p)| {
-                let [r, g, b, a] = p.0;
+        let lumen = samples
+            .rgba()
+            .enumerate()
+            .map(|(n, [r, g, b, a])| {
                 if a < 128 {
                     return false;
                 }
                 let (full, rest) = COLOUR;
-                let at = pixel_centre(i as usize, j as usize);
+                let at = pixel_centre(n % size.width, n / size.width);
                 if r >= full && g <= rest && b <= rest {
                     red.add(at);
                     true
@@ -166,7 +162,7 @@ impl Mark {
 
 #[cfg(test)]
 mod tests {
-    use image::{ImageBuffer, Rgba, RgbaImage};
+    use image::{ImageBuffer, ImageFormat, Rgba, RgbaImage};
 
     use super::*;
 

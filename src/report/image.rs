@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use crate::output::png;
 use crate::render::Frame;
 
 /// Side of the SSIM window, pixels.
@@ -106,7 +107,7 @@ pub(crate) fn error_map(reference: &Frame, method: &Frame, side: usize) -> Vec<u
             }
         }
     }
-    png(&out, full, ph)
+    encoded(&out, full, ph)
 }
 
 /// Returns the colour of an error: black, blue, orange, white.
@@ -118,13 +119,10 @@ fn heat(error: u8) -> [u8; 3] {
 }
 
 /// Encodes red, green and blue bytes as a PNG.
-fn png(rgb: &[u8], width: usize, height: usize) -> Vec<u8> {
-    use image::ImageEncoder;
-    use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+fn encoded(rgb: &[u8], width: usize, height: usize) -> Vec<u8> {
     let mut out = Vec::new();
-    let encoder = PngEncoder::new_with_quality(&mut out, CompressionType::Best, FilterType::Adaptive);
     // Writing to memory cannot fail, and the size matches the bytes.
-    let _ = encoder.write_image(rgb, width as u32, height as u32, image::ExtendedColorType::Rgb8);
+    let _ = png::encode(&mut out, rgb, [width, height], png::ColorType::Rgb, png::Compression::High);
     out
 }
 

@@ -2,6 +2,8 @@
 
 mod leftover;
 mod npy;
+#[doc(hidden)]
+pub mod png;
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};

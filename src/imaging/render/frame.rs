@@ -4,11 +4,8 @@ use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
 
-use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, ImageEncoder};
-
 use crate::error;
-use crate::output;
+use crate::output::{self, png};
 
 /// The size of an image, pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -160,9 +157,8 @@ impl Frame {
     /// Writes the pixels as PNG.
     #[doc(hidden)]
     pub fn encode_png(&self, to: &mut dyn std::io::Write) -> std::io::Result<()> {
-        PngEncoder::new_with_quality(to, CompressionType::Fast, FilterType::Adaptive)
-            .write_image(self.pixels.as_flattened(), self.width as u32, self.height as u32, ExtendedColorType::Rgb8)
-            .map_err(std::io::Error::other)
+        let size = [self.width, self.height];
+        png::encode(to, self.pixels.as_flattened(), size, png::ColorType::Rgb, png::Compression::Fast)
     }
 
     /// Returns the pixels and, if present, the depth for writing.

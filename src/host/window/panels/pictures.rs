@@ -10,8 +10,6 @@ use std::time::Instant;
 
 use egui::{Event, Modifiers, PointerButton, Pos2, RawInput, Rect, Ui};
 use glam::DVec3;
-use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, ImageEncoder};
 
 use super::open::{FileList, Listing};
 use super::series::SeriesList;
@@ -26,6 +24,7 @@ use crate::host::window::painter::Artist;
 use crate::host::window::place::Bar;
 use crate::host::window::sheet::Sheet;
 use crate::host::window::workspace::{LAYOUTS, Workspace};
+use crate::output::png;
 use crate::phantom::PhantomSettings;
 use crate::render::{Frame, ImageSize, Light};
 use crate::shared::shared;
@@ -161,11 +160,10 @@ impl Stage {
 }
 
 fn write(path: &Path, picture: &Frame) {
-    let mut png = Vec::new();
-    let encoder = PngEncoder::new_with_quality(&mut png, CompressionType::Best, FilterType::Adaptive);
-    let (width, height) = (picture.width() as u32, picture.height() as u32);
-    encoder.write_image(picture.pixels().as_flattened(), width, height, ExtendedColorType::Rgb8).unwrap();
-    std::fs::write(path, png).unwrap();
+    let mut out = Vec::new();
+    let size = [picture.width(), picture.height()];
+    png::encode(&mut out, picture.pixels().as_flattened(), size, png::ColorType::Rgb, png::Compression::High).unwrap();
+    std::fs::write(path, out).unwrap();
 }
 
 /// Compares a picture with the stored one, or stores it.

@@ -5,13 +5,12 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec3};
-use image::codecs::png::PngDecoder;
-use image::{ColorType, DynamicImage, ImageDecoder};
 use rayon::prelude::*;
 
 use super::passed::{self, Passed};
 use super::{LoadOptions, Scanned, frame, normalise, source};
 use crate::error::{Error, Result};
+use crate::output::png::{Decoder, DecodingError, Fault};
 use crate::progress::Progress;
 use crate::volume::Volume;
 
@@ -158,55 +157,41 @@ pub(crate) fn load(input: &Path, files: &[PathBuf], options: &LoadOptions, progr
     Ok(Scanned { volume: Volume::new(grid, data), notes, fractions: 0 })
 }
 
-fn damaged(path: &Path, e: image::ImageError) -> Error {
+fn damaged(path: &Path, e: Fault) -> Error {
     match e {
-        image::ImageError::IoError(io) if io.kind() != std::io::ErrorKind::UnexpectedEof => {
+        Fault::Decoding(DecodingError::IoError(io)) if io.kind() != std::io::ErrorKind::UnexpectedEof => {
             source::unreadable(path, io)
         }
         e => Error::file(path, format!("is a damaged PNG ({e})"), "export it again").caused_by(e),
     }
 }
 
-fn decoder(path: &Path) -> Result<PngDecoder<BufReader<std::fs::File>>> {
+fn decoder(path: &Path) -> Result<Decoder<BufReader<std::fs::File>>> {
     let (file, _) = source::open(path)?;
-    let mut limits = image::Limits::default();
-    limits.max_image_width = Some(LONGEST_SIDE);
-    limits.max_image_height = Some(LONGEST_SIDE);
-    PngDecoder::with_limits(BufReader::new(file), limits).map_err(|e| damaged(path, e))
+    Decoder::new(BufReader::new(file), LONGEST_SIDE).map_err(|e| damaged(path, e))
 }
 
 /// Returns the width, the height, and true if samples have 16 bits.
 fn size(path: &Path) -> Result<(u32, u32, bool)> {
     let d = decoder(path)?;
-    let (w, h) = d.dimensions();
-    Ok((w, h, is_deep(d.color_type())))
-}
-
-fn is_deep(color: ColorType) -> bool {
-    matches!(color, ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16)
+    let (w, h) = d.size();
+    Ok((w, h, d.is_deep()))
 }
 
 /// Decodes the grey values of one slice: 0 to 65535 (eight bits are spread over that range), stored minus 32768.
 fn decode(path: &Path, wanted: (u32, u32), out: &mut [i16]) -> Result<bool> {
     let (_, len) = source::open(path)?;
     let d = decoder(path)?;
-    let found = d.dimensions();
+    let found = d.size();
     if found != wanted {
         let why = format!("is {}×{} where the first slice is {}×{}", found.0, found.1, wanted.0, wanted.1);
         return Err(Error::file(path, why, "give slices of equal size"));
     }
-    let deep = is_deep(d.color_type());
-    if d.total_bytes() > len.saturating_mul(1040) {
+    let deep = d.is_deep();
+    if d.bytes() > len.saturating_mul(1040) {
         return Err(Error::file(path, format!("is too small for {}×{}", found.0, found.1), "export it again"));
     }
-    let image = DynamicImage::from_decoder(d).map_err(|e| damaged(path, e))?;
-    let mut put = |values: &mut dyn Iterator<Item = u16>| {
-        out.iter_mut().zip(values).for_each(|(o, v)| *o = (i32::from(v) - 32768) as i16);
-    };
-    if deep {
-        put(&mut image.into_luma16().into_raw().into_iter());
-    } else {
-        put(&mut image.into_luma8().into_raw().into_iter().map(|v| u16::from(v) * 257));
-    }
+    let samples = d.read().map_err(|e| damaged(path, e))?;
+    out.iter_mut().zip(samples.grey()).for_each(|(o, v)| *o = (i32::from(v) - 32768) as i16);
     Ok(deep)
 }
