@@ -1,8 +1,9 @@
 //! Frames compressed by a codec: what a code stream declares, and its samples.
+//!
+//! Each decoder is called directly, with the code stream of one frame. Libraries for whole DICOM files call the same decoders, but want
+//! the frame inside a file with all its attributes, and need twenty more packages for what [`super::dataset`] reads already.
 
 use std::borrow::Cow;
-
-use dicom_pixeldata::PixelDecoder;
 
 use super::rle;
 use super::samples::Layout;
@@ -100,15 +101,16 @@ pub(super) fn unpack(file: &FileHead, codec: Codec, packed: &[u8]) -> Result<Unp
     if size > HARMLESS.max(packed.len().saturating_mul(MOST_EXPANSION)) {
         return Err(damaged(format!("is {} bytes, which cannot hold {size}", packed.len())));
     }
-    let outcome = catch_panic(|| match (codec, &coded) {
-        (Codec::JpegLs, _) => by_jpegls(file, packed),
-        (_, Some(coded)) => by_registry(file, coded, sample, packed),
-        _ => rle::unpack(packed, voxels, sample),
+    let outcome = catch_panic(|| match codec {
+        Codec::JpegLs => by_jpegls(file, packed),
+        Codec::Jpeg => by_jpeg(packed),
+        Codec::Jpeg2000 => by_jpeg2000(sample, packed),
+        Codec::Rle | Codec::Native(_) => rle::unpack(packed, voxels, sample),
     });
     let bytes = outcome
         .map_err(|_| damaged("is damaged (its decoder gave up)".to_owned()))?
         .map_err(|why| damaged(format!("is damaged ({why})")))?;
-    if bytes.len() < size {
+    if bytes.len() != size {
         return Err(damaged(format!("decodes to {} bytes where {size} are declared", bytes.len())));
     }
     let layout = match coded {
@@ -123,13 +125,21 @@ fn by_jpegls(file: &FileHead, packed: &[u8]) -> std::result::Result<Vec<u8>, Str
     Ok(values.iter().flat_map(|v| v.to_le_bytes()).collect())
 }
 
-/// Decodes with dicom-pixeldata, which needs a whole object. The object is built from the frame and the attributes that
-/// decoders read, so nothing else of the file reaches them.
-fn by_registry(file: &FileHead, coded: &Coded, sample: usize, packed: &[u8]) -> std::result::Result<Vec<u8>, String> {
-    let object = minimal_object(file, coded, sample, packed);
-    let object = dicom_object::from_reader(&object[..]).map_err(|e| e.to_string())?;
-    let decoded = object.decode_pixel_data().map_err(|e| innermost(&e))?;
-    Ok(decoded.data().to_vec())
+/// Decodes JPEG: baseline, extended and lossless (T.81).
+fn by_jpeg(packed: &[u8]) -> std::result::Result<Vec<u8>, String> {
+    jpeg_decoder::Decoder::new(packed).decode().map_err(|e| innermost(&e))
+}
+
+/// Decodes JPEG 2000 (T.800) to samples of `sample` bytes.
+fn by_jpeg2000(sample: usize, packed: &[u8]) -> std::result::Result<Vec<u8>, String> {
+    let image = jpeg2k::Image::from_bytes(packed).map_err(|e| innermost(&e))?;
+    // A palette turns one coded component into several.
+    let [component] = image.components() else { return Err(format!("has {} components", image.components().len())) };
+    let mut bytes = Vec::with_capacity(component.data().len() * sample);
+    for value in component.data() {
+        bytes.extend_from_slice(&value.to_le_bytes()[..sample]);
+    }
+    Ok(bytes)
 }
 
 /// Returns the text of the innermost error of a chain: the cause, not the layers that passed it on.
@@ -139,60 +149,6 @@ fn innermost(e: &dyn std::error::Error) -> String {
         e = source;
     }
     e.to_string()
-}
-
-/// Builds a DICOM file of one grey frame in one fragment, with the attributes that a decoder needs. Its samples are those of the
-/// code stream, of `sample` bytes.
-fn minimal_object(file: &FileHead, coded: &Coded, sample: usize, packed: &[u8]) -> Vec<u8> {
-    let mut out = vec![0; 128];
-    out.extend(b"DICM");
-    let text = |element: u16, group: u16, vr: &[u8; 2], value: &str, pad: u8| {
-        let mut v = value.as_bytes().to_vec();
-        v.resize(v.len().next_multiple_of(2), pad);
-        let mut e = [group.to_le_bytes(), element.to_le_bytes()].concat();
-        e.extend(vr);
-        e.extend((v.len() as u16).to_le_bytes());
-        e.extend(v);
-        e
-    };
-    let mut meta = b"\x02\0\x01\0OB\0\0\x02\0\0\0\0\x01".to_vec();
-    // Secondary capture; instance and implementation are placeholders under the UUID-derived root.
-    for (element, uid) in
-        [(2, "1.2.840.10008.5.1.4.1.1.7"), (3, "2.25.1"), (0x10, file.syntax.as_str()), (0x12, "2.25.2")]
-    {
-        meta.extend(text(element, 2, b"UI", uid, 0));
-    }
-    out.extend(b"\x02\0\0\0UL\x04\0");
-    out.extend((meta.len() as u32).to_le_bytes());
-    out.extend(meta);
-    let mut short = |element: u16, value: u16| {
-        out.extend([0x28, 0]);
-        out.extend(element.to_le_bytes());
-        out.extend(b"US\x02\0");
-        out.extend(value.to_le_bytes());
-        if element == 2 {
-            out.extend(text(4, 0x28, b"CS", "MONOCHROME2", b' '));
-        }
-    };
-    let bits = u16::from(coded.bits);
-    for (element, value) in [
-        (0x02, 1),
-        (0x10, file.rows),
-        (0x11, file.cols),
-        (0x100, 8 * sample as u16),
-        (0x101, bits),
-        (0x102, bits - 1),
-        (0x103, u16::from(coded.signed)),
-    ] {
-        short(element, value);
-    }
-    // Pixel data of undefined length: an empty offset table, the frame (of even length), the delimiter.
-    out.extend(b"\xe0\x7f\x10\0OB\0\0\xff\xff\xff\xff\xfe\xff\x00\xe0\0\0\0\0\xfe\xff\x00\xe0");
-    out.extend((packed.len().next_multiple_of(2) as u32).to_le_bytes());
-    out.extend(packed);
-    out.extend(std::iter::repeat_n(0, packed.len() % 2));
-    out.extend(b"\xfe\xff\xdd\xe0\0\0\0\0");
-    out
 }
 
 /// The declarations of a single-component code stream.
