@@ -3,7 +3,7 @@
 #[path = "../../../../tests/support/skips.rs"]
 mod skips;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec3};
 
@@ -319,9 +319,10 @@ fn threads_change_nothing() {
     assert_eq!(one, two);
 }
 
-/// Loads a file of the data folder; reports a skip if it is absent.
+/// Loads a file of the data folder, which lies beside the workspace; reports a skip if it is absent.
 fn data(name: &str) -> Option<Volume> {
-    let folder = std::env::var_os("COLVIS_TEST_DATA").map_or_else(|| PathBuf::from("../shared/data"), PathBuf::from);
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    let folder = std::env::var_os("COLVIS_TEST_DATA").map_or_else(beside, PathBuf::from);
     let path = folder.join(name);
     if !path.exists() {
         skips::skip("data", &format!("{} is absent", path.display()));
