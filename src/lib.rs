@@ -121,6 +121,7 @@
 //! [profile.dev.package]
 //! "*" = { opt-level = 1, debug = false }
 //! colvis = { opt-level = 3, debug = false }
+//! colvis-flight = { opt-level = 3, debug = false }
 //! colvis-imaging = { opt-level = 3, debug = false }
 //! colvis-kernels = { opt-level = 3, debug = false }
 //! colvis-phantom = { opt-level = 3, debug = false }
@@ -197,6 +198,8 @@
 //! - **Action**: something that the operator can do in a window, by a key, the menu or a button: `panel::ActionEntry`.
 
 #[doc(inline)]
+pub use colvis_flight::{components, coverage, schedule, systems, testing};
+#[doc(inline)]
 pub use colvis_imaging::{polyps, render, space, surface};
 #[doc(inline)]
 pub use colvis_kernels::{dynamics, fields};
@@ -208,24 +211,12 @@ pub(crate) use colvis_scan::{memory, panics};
 
 pub mod app;
 pub mod cli;
-pub mod components;
-pub mod coverage;
 pub mod host;
 pub mod plane;
 pub mod report;
-pub mod schedule;
 #[cfg(test)]
 #[path = "../tests/support/shared.rs"]
 mod shared;
-pub mod testing;
-
-#[expect(
-    clippy::needless_pass_by_value,
-    clippy::type_complexity,
-    reason = "a system takes its parameters by value, and its queries are types that list what it touches"
-)]
-#[path = "../systems/mod.rs"]
-pub mod systems;
 
 /// The entity-component-system of flights, of which systems, components and resources are made.
 ///

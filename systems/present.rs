@@ -143,7 +143,8 @@ pub fn hand_on(app: &mut App, former: Entity) {
 }
 
 /// Removes the presenters of the guide and the look, before they are plugged in again or others take their place.
-pub(crate) fn forget_scene(app: &mut App) {
+#[doc(hidden)]
+pub fn forget_scene(app: &mut App) {
     if let Some(mut presenters) = app.world.get_non_send_mut::<Presenters>() {
         presenters.0.retain(|p| !p.is_of_scene);
     }

@@ -166,6 +166,30 @@ impl Scene {
 
     /// Adds a plug-in to the scene.
     ///
+    /// A pair of a name and a closure is a plug-in, too:
+    ///
+    /// ```
+    /// use bevy_ecs::prelude::*;
+    /// use colvis::app::{Scan, Scene, FlightRequest};
+    /// use colvis::components::input::FlightCommand;
+    /// use colvis::schedule::{App, FlightSystems};
+    ///
+    /// #[derive(Resource, Default)]
+    /// struct Steps(u32);
+    ///
+    /// let count = |app: &mut App| {
+    ///     app.world.init_resource::<Steps>();
+    ///     app.add_systems(FlightSystems::Log, |mut steps: ResMut<Steps>| steps.0 += 1);
+    ///     Ok(())
+    /// };
+    /// let mut flight = Scan::phantom(1)?.flight(Scene::default().plug(("count", count))?, &FlightRequest::default())?;
+    /// flight.fly(1.0)?;
+    /// flight.act(FlightCommand::Guide("manual".to_owned()))?;
+    /// flight.fly(1.0)?;
+    /// assert_eq!(flight.app().world.resource::<Steps>().0, 240);
+    /// # Ok::<(), colvis::error::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// Returns status 2 if there is already one with its name.
     pub fn plug(mut self, plugin: impl Plugin) -> Result<Self> {

@@ -39,7 +39,7 @@ const ELSEWHERE: &[(&str, &str, &str)] = &[
     ("src/imaging/render/low.rs", "self.renderer.render(", "a renderer of a renderer"),
     ("systems/raycast.rs", "picture.work = renderer.render(", "`trace` is called through one"),
     ("systems/looks/review.rs", "(way::LOOK.plug)(app)", "a look of this crate"),
-    ("src/schedule/guide.rs", "self.settings.cruise_mm_s(body)", "whoever calls `GuideEntry` has one"),
+    ("src/flight/schedule/guide.rs", "self.settings.cruise_mm_s(body)", "whoever calls `GuideEntry` has one"),
 ];
 
 fn sources(folder: &Path, out: &mut Vec<PathBuf>) {

@@ -107,6 +107,14 @@ impl FlightApp {
                     picture.fov_degrees = held.unwrap_or(picture.fov_degrees);
                 }
             }
+            // Only a newer list of commands than this one has others.
+            _ => {
+                return Err(Error::incomplete(
+                    "command",
+                    "not known here",
+                    "use colvis and its members in one version",
+                ));
+            }
         }
         Ok(())
     }

@@ -35,6 +35,34 @@ impl Views<'_> {
     /// components. It is rendered in every frame from now on. So is a view that is spawned into the world directly, but this
     /// method also prepares the renderer at once.
     ///
+    /// ```
+    /// use colvis::app::{Scan, Scene, FlightRequest};
+    /// use colvis::components::output::{Follows, Picture};
+    ///
+    /// let mut flight = Scan::phantom(1)?.flight(Scene::default(), &FlightRequest::default())?;
+    /// let rear = flight.views().add((Picture::new(160, 120), Follows::rear()))?;
+    /// flight.fly(1.0)?;
+    /// flight.frame()?;
+    /// let picture = flight.app().world.get::<Picture>(rear).expect("it was just added");
+    /// assert!(picture.frame.pixels().iter().any(|p| p[0] > 30));
+    /// # Ok::<(), colvis::error::Error>(())
+    /// ```
+    ///
+    /// With the distance to the wall:
+    ///
+    /// ```
+    /// use colvis::app::{FlightRequest, Scan, Scene};
+    /// use colvis::components::output::{Follows, Picture};
+    ///
+    /// let mut flight = Scan::phantom(1)?.flight(Scene::default(), &FlightRequest::default())?;
+    /// let rear = flight.views().add((Picture::with_depth(160, 120), Follows::rear()))?;
+    /// flight.frame()?;
+    /// let frame = &flight.app().world.get::<Picture>(rear).expect("it was just added").frame;
+    /// let mm = frame.depth().expect("it was asked for")[160 * 60 + 80];
+    /// assert!(mm > 1.0, "{mm} mm to the wall in the middle of the picture");
+    /// # Ok::<(), colvis::error::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// Returns status 2 for a picture whose preset does not support its settings, or that no camera can render.
     pub fn add(&mut self, view: impl Bundle) -> Result<Entity> {
@@ -47,6 +75,18 @@ impl Views<'_> {
     }
 
     /// Adds a slice: an entity with a [`SliceView`]. It is drawn in each frame that changes it.
+    ///
+    /// ```
+    /// use colvis::app::{Scan, Scene, FlightRequest};
+    /// use colvis::components::slices::{Orientation, SliceView};
+    ///
+    /// let mut flight = Scan::phantom(1)?.flight(Scene::default(), &FlightRequest::default())?;
+    /// let axial = flight.views().add_slice(SliceView::new(Orientation::Axial, [160, 120]))?;
+    /// flight.frame()?;
+    /// let view = flight.app().world.get::<SliceView>(axial).expect("it was just added");
+    /// assert!(view.frame.pixels().iter().any(|p| p[0] > 100), "tissue");
+    /// # Ok::<(), colvis::error::Error>(())
+    /// ```
     ///
     /// # Errors
     /// Returns the errors of any change of the schedule.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use super::{FlightController, recordable};
-use crate::components::input::{Command, FlightCommand, HandCommand};
+use crate::components::input::{Command, FlightCommand};
 use crate::host::window::actions::Action;
 use crate::host::window::overlay::HudState;
 use crate::host::window::own_action::ActionEntry;
@@ -17,7 +17,7 @@ impl FlightController {
     /// Executes a command, or tells why it is refused.
     pub(crate) fn command(&mut self, mut command: Command, now: Instant) {
         let mut is_finite = true;
-        each_number(&mut command, &mut |x| {
+        command.each_number(|x| {
             is_finite &= x.is_finite();
             *x = recordable(*x);
         });
@@ -63,30 +63,6 @@ impl FlightController {
         self.attention = true;
         self.figures.touch();
         asked
-    }
-}
-
-/// Calls `each` with every number of a command.
-fn each_number(command: &mut Command, each: &mut impl FnMut(&mut f64)) {
-    match command {
-        Command::Hand(HandCommand::Push(v) | HandCommand::Turn(v)) => v.iter_mut().for_each(each),
-        Command::Hand(HandCommand::Look(v)) => v.iter_mut().for_each(each),
-        Command::Hand(HandCommand::Roll(x) | HandCommand::Speed(x)) => each(x),
-        Command::Flight(FlightCommand::Seek(x) | FlightCommand::ViewAngle(x)) => each(x),
-        Command::Flight(FlightCommand::Go { to, forward, up }) => {
-            [to, forward, up].into_iter().flatten().for_each(each);
-        }
-        Command::Flight(FlightCommand::Review(stops)) => {
-            stops.iter_mut().flat_map(|s| [Some(&mut s.at), s.look_at.as_mut()]).flatten().flatten().for_each(each);
-        }
-        Command::Hand(HandCommand::Pause(_) | HandCommand::Resume)
-        | Command::Flight(
-            FlightCommand::Guide(_)
-            | FlightCommand::Reverse
-            | FlightCommand::Segment(_)
-            | FlightCommand::OtherEnd
-            | FlightCommand::EndReview,
-        ) => {}
     }
 }
 

@@ -45,12 +45,15 @@ fn elsewhere() -> MutexGuard<'static, Elsewhere> {
 
 /// Makes this thread one that runs a world, while the guard lives; for good unless it belongs to a pool.
 #[must_use]
-pub(crate) fn at_home() -> AtHome {
+#[doc(hidden)]
+pub fn at_home() -> AtHome {
     AtHome(IS_HOME.replace(true) || rayon::current_thread_index().is_none())
 }
 
 /// A guard of [`at_home`].
-pub(crate) struct AtHome(bool);
+#[derive(Debug)]
+#[doc(hidden)]
+pub struct AtHome(bool);
 
 impl Drop for AtHome {
     fn drop(&mut self) {

@@ -34,7 +34,7 @@ impl<'a> Inspector<'a> {
     /// Returns the names of the systems of other crates that write the component `T`.
     pub fn own_systems_that_write<T: Component>(&self) -> Vec<String> {
         let names = self.systems_by(|access, id| access.has_write(id), self.0.world.component_id::<T>());
-        let own = names.iter().filter(|n| !n.trim_start_matches('<').starts_with("colvis::") && !is_sync_point(n));
+        let own = names.iter().filter(|n| !is_own(n.trim_start_matches('<')) && !is_sync_point(n));
         own.map(|n| short(n)).collect()
     }
 
@@ -99,7 +99,8 @@ impl<'a> Inspector<'a> {
     }
 
     /// Returns the name of the plug-in that has filled a slot, if it is of another crate.
-    pub(crate) fn own_fill(&self, slot: Slot) -> Option<&'static str> {
+    #[doc(hidden)]
+    pub fn own_fill(&self, slot: Slot) -> Option<&'static str> {
         self.0.plugged_fill(slot)
     }
 
@@ -114,12 +115,21 @@ fn is_sync_point(name: &str) -> bool {
     name.ends_with("apply_deferred")
 }
 
+/// True for a path of this crate or of another member of its workspace, which a crate that merely begins with its name is not.
+pub(super) fn is_own(path: &str) -> bool {
+    let krate = path.split("::").next().unwrap_or(path);
+    krate.strip_prefix("colvis").is_some_and(|member| {
+        ["", "_app", "_flight", "_host", "_imaging", "_kernels", "_phantom", "_plane", "_report", "_scan"]
+            .contains(&member)
+    })
+}
+
 /// Returns the short name of a component, prefixed with its crate if that is another one.
 fn component_name(name: &str) -> String {
     let path = name.split('<').next().unwrap_or(name);
     let krate = path.split("::").next().unwrap_or(path);
     let last = path.rsplit("::").next().unwrap_or(path);
-    if krate == "colvis" { last.to_owned() } else { format!("{krate}::{last}") }
+    if is_own(path) { last.to_owned() } else { format!("{krate}::{last}") }
 }
 
 #[cfg(test)]
@@ -128,7 +138,8 @@ mod tests {
 
     #[test]
     fn components_of_other_crates_are_listed_with_the_crate() {
-        assert_eq!(component_name("colvis::components::camera::Pose"), "Pose");
+        assert_eq!(component_name("colvis_flight::components::camera::Pose"), "Pose");
+        assert_eq!(component_name("colvis_view::rear::Rear"), "colvis_view::Rear");
         assert_eq!(component_name("own_view::rear::Rear<colvis::x::Y>"), "own_view::Rear");
     }
 }

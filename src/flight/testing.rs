@@ -6,6 +6,7 @@
 //!
 //! ```
 //! use bevy_ecs::prelude::*;
+//! # use colvis_flight as colvis;
 //! use colvis::components::camera::Pose;
 //! use colvis::components::scan::Walls;
 //! use colvis::schedule::{FlightSystems, Main};

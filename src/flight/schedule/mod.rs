@@ -18,7 +18,8 @@ mod sets;
 pub use app::{App, LeftOut, Main, Slot};
 pub use guide::{Guide, GuideEntry, Guides, Needs};
 pub use inspect::Inspector;
-pub(crate) use ledger::at_home;
+#[doc(hidden)]
+pub use ledger::{AtHome, at_home};
 pub use ledger::{PluginTime, book_time, note, report_fault};
 pub use look::Look;
 pub use plugin::{Plugin, Plugins};

@@ -46,21 +46,8 @@ pub struct GuideName(pub &'static str);
 /// frame.
 ///
 /// The camera has one in a scene with a window or a recording. Add more with
-/// [`Views::add`](crate::app::Views::add), or spawn them. An entity with a view needs a viewpoint: its
+/// `app::Views::add`, or spawn them. An entity with a view needs a viewpoint: its
 /// own [`Pose`], or [`Follows`].
-///
-/// ```
-/// use colvis::app::{Scan, Scene, FlightRequest};
-/// use colvis::components::output::{Follows, Picture};
-///
-/// let mut flight = Scan::phantom(1)?.flight(Scene::default(), &FlightRequest::default())?;
-/// let rear = flight.views().add((Picture::new(160, 120), Follows::rear()))?;
-/// flight.fly(1.0)?;
-/// flight.frame()?;
-/// let picture = flight.app().world.get::<Picture>(rear).expect("it was just added");
-/// assert!(picture.frame.pixels().iter().any(|p| p[0] > 30));
-/// # Ok::<(), colvis::error::Error>(())
-/// ```
 #[derive(Component)]
 #[require(FrameCache)]
 pub struct Picture {
@@ -112,19 +99,6 @@ impl Picture {
 
     /// Like [`Picture::new`], with the distance to the wall for each pixel. The renderer fills it along with the colours, and
     /// post-processes and presenters read it from [`Frame::depth`].
-    ///
-    /// ```
-    /// use colvis::app::{FlightRequest, Scan, Scene};
-    /// use colvis::components::output::{Follows, Picture};
-    ///
-    /// let mut flight = Scan::phantom(1)?.flight(Scene::default(), &FlightRequest::default())?;
-    /// let rear = flight.views().add((Picture::with_depth(160, 120), Follows::rear()))?;
-    /// flight.frame()?;
-    /// let frame = &flight.app().world.get::<Picture>(rear).expect("it was just added").frame;
-    /// let mm = frame.depth().expect("it was asked for")[160 * 60 + 80];
-    /// assert!(mm > 1.0, "{mm} mm to the wall in the middle of the picture");
-    /// # Ok::<(), colvis::error::Error>(())
-    /// ```
     pub fn with_depth(width: usize, height: usize) -> Self {
         Self { frame: Frame::with_depth(width, height), ..Self::new(width, height) }
     }

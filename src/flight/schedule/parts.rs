@@ -6,6 +6,8 @@
 use bevy_ecs::archetype::ArchetypeId;
 use bevy_ecs::prelude::*;
 
+use super::inspect::is_own;
+
 /// The archetypes of a scan and of a camera; `None` for one that does not exist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Parts([Option<ArchetypeId>; 2]);
@@ -35,5 +37,5 @@ fn gone(world: &World, before: ArchetypeId, now: ArchetypeId) -> Vec<String> {
     let [Some(before), Some(now)] = [before, now].map(|id| world.archetypes().get(id)) else { return Vec::new() };
     let ids = before.components().iter().filter(|&&id| !now.contains(id));
     let names = ids.filter_map(|&id| world.components().get_name(id)).map(|name| name.to_string());
-    names.filter(|n| n.starts_with("colvis::")).map(|n| n.rsplit("::").next().unwrap_or(&n).to_owned()).collect()
+    names.filter(|n| is_own(n)).map(|n| n.rsplit("::").next().unwrap_or(&n).to_owned()).collect()
 }

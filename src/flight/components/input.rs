@@ -74,7 +74,8 @@ pub enum FlightCommand {
 impl Command {
     /// Returns the command with finite numbers that does the same, so that a recording can hold it; `None` if it does nothing, as a
     /// turn of the view that is no number.
-    pub(crate) fn finite(self) -> Option<Self> {
+    #[doc(hidden)]
+    pub fn finite(self) -> Option<Self> {
         let held = |all: [f64; 3]| all.map(|x| if x.is_finite() { x } else { 0.0 });
         Some(match self {
             Self::Hand(HandCommand::Push(all)) => HandCommand::Push(held(all)).into(),
@@ -89,12 +90,41 @@ impl Command {
             other => other,
         })
     }
+
+    /// Calls `each` with every number of the command.
+    #[doc(hidden)]
+    pub fn each_number(&mut self, mut each: impl FnMut(&mut f64)) {
+        match self {
+            Self::Hand(HandCommand::Push(v) | HandCommand::Turn(v)) => v.iter_mut().for_each(&mut each),
+            Self::Hand(HandCommand::Look(v)) => v.iter_mut().for_each(&mut each),
+            Self::Hand(HandCommand::Roll(x) | HandCommand::Speed(x)) => each(x),
+            Self::Flight(FlightCommand::Seek(x) | FlightCommand::ViewAngle(x)) => each(x),
+            Self::Flight(FlightCommand::Go { to, forward, up }) => {
+                [to, forward, up].into_iter().flatten().for_each(&mut each);
+            }
+            Self::Flight(FlightCommand::Review(stops)) => {
+                stops
+                    .iter_mut()
+                    .flat_map(|s| [Some(&mut s.at), s.look_at.as_mut()])
+                    .flatten()
+                    .flatten()
+                    .for_each(&mut each);
+            }
+            Self::Hand(HandCommand::Pause(_) | HandCommand::Resume)
+            | Self::Flight(
+                FlightCommand::Guide(_)
+                | FlightCommand::Reverse
+                | FlightCommand::Segment(_)
+                | FlightCommand::OtherEnd
+                | FlightCommand::EndReview,
+            ) => {}
+        }
+    }
 }
 
 /// A command of the operator, as recorded and replayed. In a file, only the name distinguishes the two kinds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
-#[non_exhaustive]
 pub enum Command {
     /// Direct control.
     Hand(HandCommand),
@@ -206,6 +236,7 @@ impl<'de, A: VariantAccess<'de>> EnumAccess<'de> for Named<A> {
 /// A command and the step before which it acts.
 ///
 /// ```
+/// # use colvis_flight as colvis;
 /// use colvis::components::input::{TimedCommand, HandCommand};
 ///
 /// // A line of `--record-input`: from step 240 on the hand pushes to the right.
@@ -297,7 +328,7 @@ mod tests {
 
     #[test]
     fn recordings_old_and_new_are_read_and_written_alike() {
-        let old = include_str!("../../tests/inputs/hand.jsonl");
+        let old = include_str!("../../../tests/inputs/hand.jsonl");
         let new = [
             r#"{"tick":1,"command":{"roll":-35.0}}"#,
             r#"{"tick":2,"command":{"view_angle":40.0}}"#,

@@ -40,7 +40,8 @@ impl Wall {
 }
 
 /// Adds what later views saw of a part of the wall to what was seen of all of it.
-pub(crate) fn add(sights: &mut [Sight], numbers: &[u32], more: &[Sight]) {
+#[doc(hidden)]
+pub fn add(sights: &mut [Sight], numbers: &[u32], more: &[Sight]) {
     for (&n, more) in numbers.iter().zip(more) {
         let sight = &mut sights[n as usize];
         sight.ahead = sight.ahead.saturating_add(more.ahead);

@@ -12,7 +12,8 @@ mod beside;
 mod live;
 pub mod missed;
 mod paint;
-pub(crate) mod part;
+#[doc(hidden)]
+pub mod part;
 mod sight;
 mod still;
 mod stretches;

@@ -9,7 +9,6 @@ use crate::dynamics::rescue::Rescue;
 /// The state of a flight, as written to the log.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
-#[non_exhaustive]
 pub enum State {
     /// On the way.
     #[default]

@@ -56,18 +56,6 @@ impl Orientation {
 /// It passes through a given place, or follows the flight's camera. The axis-aligned slices show the layer of voxels
 /// nearest to that place, and the same part of the body until they are moved. The slice across the path is centred on the
 /// place.
-///
-/// ```
-/// use colvis::app::{Scan, Scene, FlightRequest};
-/// use colvis::components::slices::{Orientation, SliceView};
-///
-/// let mut flight = Scan::phantom(1)?.flight(Scene::default(), &FlightRequest::default())?;
-/// let axial = flight.views().add_slice(SliceView::new(Orientation::Axial, [160, 120]))?;
-/// flight.frame()?;
-/// let view = flight.app().world.get::<SliceView>(axial).expect("it was just added");
-/// assert!(view.frame.pixels().iter().any(|p| p[0] > 100), "tissue");
-/// # Ok::<(), colvis::error::Error>(())
-/// ```
 #[derive(Component, Clone, Debug)]
 pub struct SliceView {
     /// Orientation.

@@ -16,29 +16,7 @@ use crate::render::Options;
 /// A plug-in is built once per flight, before the scene's own systems. Its additions stay for the whole flight, through
 /// every change of guide, direction and segment. `examples/own_plugin.rs` is a complete example.
 ///
-/// A closure is a plug-in, and a pair of a name and a closure is a plug-in with that name:
-///
-/// ```
-/// use bevy_ecs::prelude::*;
-/// use colvis::app::{Scan, Scene, FlightRequest};
-/// use colvis::components::input::FlightCommand;
-/// use colvis::schedule::{App, FlightSystems};
-///
-/// #[derive(Resource, Default)]
-/// struct Steps(u32);
-///
-/// let count = |app: &mut App| {
-///     app.world.init_resource::<Steps>();
-///     app.add_systems(FlightSystems::Log, |mut steps: ResMut<Steps>| steps.0 += 1);
-///     Ok(())
-/// };
-/// let mut flight = Scan::phantom(1)?.flight(Scene::default().plug(("count", count))?, &FlightRequest::default())?;
-/// flight.fly(1.0)?;
-/// flight.act(FlightCommand::Guide("manual".to_owned()))?;
-/// flight.fly(1.0)?;
-/// assert_eq!(flight.app().world.resource::<Steps>().0, 240);
-/// # Ok::<(), colvis::error::Error>(())
-/// ```
+/// A closure is a plug-in, and a pair of a name and a closure is a plug-in with that name: `app::Scene::plug` has an example.
 pub trait Plugin: Send + Sync + 'static {
     /// Returns the name: used in `explain`, in messages, and as the name of its table in scene files.
     ///

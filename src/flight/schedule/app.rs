@@ -78,6 +78,7 @@ pub struct Main;
 ///
 /// ```
 /// use bevy_ecs::prelude::*;
+/// # use colvis_flight as colvis;
 /// use colvis::schedule::{App, FlightSystems};
 ///
 /// #[derive(Component)]
@@ -201,7 +202,8 @@ impl App {
     ///
     /// # Errors
     /// Returns the error of `plug`, and status 1 if the schedules were left in a state that cannot be built.
-    pub(crate) fn set_scene(&mut self, plug: impl FnOnce(&mut Self) -> Result<()>) -> Result<()> {
+    #[doc(hidden)]
+    pub fn set_scene(&mut self, plug: impl FnOnce(&mut Self) -> Result<()>) -> Result<()> {
         for schedule in [&mut self.step, &mut self.frame] {
             remove_scene(schedule, &mut self.world)?;
         }
@@ -223,7 +225,8 @@ impl App {
     ///
     /// # Errors
     /// Returns the error of the plug-in, and status 2 if a plug-in of that name already exists.
-    pub(crate) fn plug(&mut self, plugin: &dyn Plugin) -> Result<()> {
+    #[doc(hidden)]
+    pub fn plug(&mut self, plugin: &dyn Plugin) -> Result<()> {
         let name = plugin.name().into_owned();
         if self.plugged.contains(&name) {
             let why = "is plugged in already";
@@ -239,7 +242,8 @@ impl App {
     /// Starts to record the owner and the run time of each system added from now on.
     ///
     /// Use it for flights with plug-ins or guides of other crates. Without it, systems have no run conditions.
-    pub(crate) fn keep_account(&mut self) {
+    #[doc(hidden)]
+    pub fn keep_account(&mut self) {
         self.ledger.get_or_insert_default();
     }
 
@@ -249,7 +253,8 @@ impl App {
     }
 
     /// True if the owner of each system is recorded.
-    pub(crate) fn keeps_account(&self) -> bool {
+    #[doc(hidden)]
+    pub fn keeps_account(&self) -> bool {
         self.ledger.is_some()
     }
 
@@ -257,7 +262,8 @@ impl App {
     ///
     /// # Errors
     /// Returns the error of `add`, and status 1 if it panics.
-    pub(crate) fn on_account<R>(&mut self, name: &str, add: impl FnOnce(&mut Self) -> Result<R>) -> Result<R> {
+    #[doc(hidden)]
+    pub fn on_account<R>(&mut self, name: &str, add: impl FnOnce(&mut Self) -> Result<R>) -> Result<R> {
         let before = std::mem::replace(&mut self.account, self.ledger.as_ref().map(|l| l.open(name)));
         let own = [self.scan, self.camera];
         let parts = Parts::of(&self.world, own);
@@ -276,7 +282,8 @@ impl App {
     }
 
     /// Takes the messages about plug-ins to show to the user since the last call.
-    pub(crate) fn take_notes(&mut self) -> Vec<String> {
+    #[doc(hidden)]
+    pub fn take_notes(&mut self) -> Vec<String> {
         self.collect_notes();
         std::mem::take(&mut self.notes)
     }
@@ -315,7 +322,8 @@ impl App {
 
     /// Returns the camera as it was before systems of other crates took it, or a component of this crate from it or from the scan,
     /// since the last call.
-    pub(crate) fn take_lost(&mut self) -> Option<Entity> {
+    #[doc(hidden)]
+    pub fn take_lost(&mut self) -> Option<Entity> {
         self.spawn_lost();
         self.lost.take()
     }
@@ -431,6 +439,7 @@ impl App {
     ///
     /// ```
     /// use bevy_ecs::prelude::*;
+    /// # use colvis_flight as colvis;
     /// use colvis::schedule::{App, FlightSystems, Phase};
     ///
     /// #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
@@ -475,12 +484,14 @@ impl App {
     }
 
     /// Returns true if there are post-processes.
-    pub(crate) fn has_post_processes(&self) -> bool {
+    #[doc(hidden)]
+    pub fn has_post_processes(&self) -> bool {
         self.post_processes > 0
     }
 
     /// Returns true if a slot is filled.
-    pub(crate) fn is_filled(&self, slot: Slot) -> bool {
+    #[doc(hidden)]
+    pub fn is_filled(&self, slot: Slot) -> bool {
         self.filled.iter().any(|f| f.slot == slot)
     }
 
@@ -490,12 +501,14 @@ impl App {
     }
 
     /// Records that a part was left out, for `explain`.
-    pub(crate) fn leave_out(&mut self, part: &'static str, why: impl Into<String>) {
+    #[doc(hidden)]
+    pub fn leave_out(&mut self, part: &'static str, why: impl Into<String>) {
         self.left_out.push(LeftOut { part, why: why.into() });
     }
 
     /// Removes a part from the record of parts left out.
-    pub(crate) fn take_in(&mut self, part: &str) {
+    #[doc(hidden)]
+    pub fn take_in(&mut self, part: &str) {
         self.left_out.retain(|l| l.part != part);
     }
 
@@ -512,7 +525,8 @@ impl App {
     }
 
     /// Returns true if systems were added or removed since the schedules were [built](App::build).
-    pub(crate) fn is_changed(&self) -> bool {
+    #[doc(hidden)]
+    pub fn is_changed(&self) -> bool {
         self.step.is_changed() || self.frame.is_changed()
     }
 
