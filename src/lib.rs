@@ -121,10 +121,12 @@
 //! [profile.dev.package]
 //! "*" = { opt-level = 1, debug = false }
 //! colvis = { opt-level = 3, debug = false }
+//! colvis-app = { opt-level = 3, debug = false }
 //! colvis-flight = { opt-level = 3, debug = false }
 //! colvis-imaging = { opt-level = 3, debug = false }
 //! colvis-kernels = { opt-level = 3, debug = false }
 //! colvis-phantom = { opt-level = 3, debug = false }
+//! colvis-plane = { opt-level = 3, debug = false }
 //! colvis-scan = { opt-level = 3, debug = false }
 //! bevy_ecs = { opt-level = 3, debug = false }
 //! zlib-rs = { opt-level = 3, debug = false }
@@ -198,6 +200,8 @@
 //! - **Action**: something that the operator can do in a window, by a key, the menu or a button: `panel::ActionEntry`.
 
 #[doc(inline)]
+pub use colvis_app as app;
+#[doc(inline)]
 pub use colvis_flight::{components, coverage, schedule, systems, testing};
 #[doc(inline)]
 pub use colvis_imaging::{polyps, render, space, surface};
@@ -206,13 +210,13 @@ pub use colvis_kernels::{dynamics, fields};
 #[doc(inline)]
 pub use colvis_phantom as phantom;
 #[doc(inline)]
+pub use colvis_plane as plane;
+#[doc(inline)]
 pub use colvis_scan::{error, math, output, progress, volume};
 pub(crate) use colvis_scan::{memory, panics};
 
-pub mod app;
 pub mod cli;
 pub mod host;
-pub mod plane;
 pub mod report;
 #[cfg(test)]
 #[path = "../tests/support/shared.rs"]

@@ -1,11 +1,11 @@
 //! The guides, looks, renderers, cameras, shaders, overlays, detectors and plug-ins that a program offers.
 
-use crate::app::{Overlay, overlays};
 use crate::error::{Error, Result};
 use crate::polyps::{Detector, detectors};
 use crate::render::{CameraModel, Preset, ShaderModel, camera, presets, shaders};
 use crate::schedule::{Guide, Guides, Look, Plugin, Plugins};
 use crate::systems;
+use crate::{Overlay, overlays};
 
 /// Everything that can be selected by name: the built-in entries and those that a program adds.
 ///
@@ -229,7 +229,8 @@ fn unique(names: &mut [(String, &str)]) -> Result<()> {
 }
 
 /// Error: `first` and `second` claim the same name or key.
-pub(crate) fn taken(what: &str, first: &str, second: &str, thing: &str) -> Error {
+#[doc(hidden)]
+pub fn taken(what: &str, first: &str, second: &str, thing: &str) -> Error {
     Error::usage(
         what,
         format!("is used twice: by {first} and by {second}"),

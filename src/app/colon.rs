@@ -1,6 +1,6 @@
 //! The colon that candidates are looked for in: without its tag, and cut out of the scan.
 
-use crate::app::Timings;
+use crate::Timings;
 use crate::error::Result;
 use crate::fields::Lumen;
 use crate::fields::cleanse::{self, Cleansed};
@@ -8,7 +8,8 @@ use crate::progress::Progress;
 use crate::volume::Volume;
 
 /// How far beyond the lumen the scan is kept for the wall and what is inside of it, mm.
-pub(crate) const WALL_MM: f64 = 15.0;
+#[doc(hidden)]
+pub const WALL_MM: f64 = 15.0;
 
 /// Takes the tag out of `volume`, whose lumen is `found`. Returns the lumen without tag, and what was taken, with the values that the
 /// scan had. `again` finds the lumen in the changed scan; `taken` is told what was taken before that. `with_along` measures along the
@@ -16,7 +17,8 @@ pub(crate) const WALL_MM: f64 = 15.0;
 ///
 /// # Errors
 /// Returns status 4 if interrupted, or an error of `again`.
-pub(crate) fn without_tag(
+#[doc(hidden)]
+pub fn without_tag(
     volume: &mut Volume,
     found: Lumen,
     with_along: bool,
@@ -46,7 +48,8 @@ pub(crate) fn without_tag(
 }
 
 /// A scan and its lumen without what is farther than `beyond_mm` from the lumen, in less memory.
-pub(crate) fn around(volume: Volume, lumen: Lumen, beyond_mm: f64) -> (Volume, Lumen) {
+#[doc(hidden)]
+pub fn around(volume: Volume, lumen: Lumen, beyond_mm: f64) -> (Volume, Lumen) {
     match lumen.around(beyond_mm) {
         Some((first, dims)) => (volume.into_part(first, dims), lumen.into_part(first, dims)),
         None => (volume, lumen),

@@ -4,13 +4,13 @@ use std::borrow::Cow;
 
 use serde::Serialize;
 
-use crate::app::flight::views;
-use crate::app::{FlightApp, Setup};
 use crate::components::guide::{MineField, Tentacles};
 use crate::components::output::{FrameCache, Picture};
 use crate::coverage::LiveCoverage;
+use crate::flight::views;
 use crate::render::{Leaping, MemoryPart};
 use crate::schedule::{LeftOut, PluginTime};
+use crate::{FlightApp, Setup};
 
 /// A data structure that a flight keeps in memory.
 #[derive(Clone, Debug, Serialize)]
@@ -62,6 +62,7 @@ pub struct Explanation {
 /// Explains a flight in its current state.
 ///
 /// ```
+/// # use colvis_app as colvis;
 /// use colvis::app::explain::explain;
 /// use colvis::app::{Scan, Scene, FlightRequest};
 ///

@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use crate::app::Catalog;
+use crate::Catalog;
 use crate::components::output::Picture;
 use crate::error::{Error, Result};
 use crate::render::{

@@ -13,8 +13,11 @@ use crate::render::slice::{PlaneFrame, Slice, SlicePlane};
 use crate::space::{PreparedVolume, first_crossing};
 
 /// Side of a slice, pixels and mm.
-pub(crate) const SLICE: usize = 240;
-pub(crate) const SLICE_MM: f64 = 60.0;
+#[doc(hidden)]
+pub const SLICE: usize = 240;
+/// Edge of the slice across the path, mm.
+#[doc(hidden)]
+pub const SLICE_MM: f64 = 60.0;
 
 /// The camera's distance from the candidate if there is room, mm: this much and its diameter, within these.
 const STAND_BACK_MM: f64 = 13.0;
@@ -40,7 +43,8 @@ const FOV: [f64; 2] = [30.0, 110.0];
 const NEAR_MM: f64 = 15.0;
 
 /// A candidate as its pictures show it. World, mm LPS.
-pub(crate) struct Subject {
+#[doc(hidden)]
+pub struct Subject {
     /// The middle of every picture.
     pub(crate) middle: DVec3,
     /// Its place on the wall.
@@ -50,12 +54,14 @@ pub(crate) struct Subject {
     /// Unit vector of its longest diameter, across the axis.
     long: DVec3,
     /// Radius of a circle around it, mm.
-    pub(crate) radius_mm: f64,
+    #[doc(hidden)]
+    pub radius_mm: f64,
 }
 
 impl Subject {
     /// Returns the subject of a candidate. One without measures is seen along the normal of the wall nearest to it.
-    pub(crate) fn of(candidate: &Candidate, wall: &Wall) -> Self {
+    #[doc(hidden)]
+    pub fn of(candidate: &Candidate, wall: &Wall) -> Self {
         let position = candidate.position;
         let unit = |v: DVec3| v.try_normalize().filter(|u| u.is_finite());
         let Some(lesion) = &candidate.lesion else {
@@ -76,7 +82,8 @@ impl Subject {
 
     /// Returns its slices: axial; along the axis and across the longest diameter; along both. The lumen is on top in the
     /// latter two, and the patient's left on the right as far as that can be.
-    pub(crate) fn slices(&self) -> [Slice; 3] {
+    #[doc(hidden)]
+    pub fn slices(&self) -> [Slice; 3] {
         let frame = |normal: DVec3| {
             let [one, other] = [normal, -normal].map(|forward| PlaneFrame::looking(forward, self.axis));
             if leftwards(one.right()) >= leftwards(other.right()) { one } else { other }
@@ -100,7 +107,8 @@ fn across(axis: DVec3) -> DVec3 {
 }
 
 /// Finds places for cameras in a scan.
-pub(crate) struct Looks {
+#[doc(hidden)]
+pub struct Looks {
     volume: PreparedVolume,
     clearances: ClearanceFinder,
 }
@@ -117,7 +125,8 @@ struct Place {
 
 impl Looks {
     /// Prepares to look for places in the gas of `volume`.
-    pub(crate) fn new(volume: &PreparedVolume) -> Self {
+    #[doc(hidden)]
+    pub fn new(volume: &PreparedVolume) -> Self {
         let iso = volume.transfer().iso() as f32;
         let clearances = ClearanceFinder::new(Arc::clone(&volume.shared_voxels()), iso, 2.0 * CLEAR_MM);
         Self { volume: volume.clone(), clearances }
@@ -128,7 +137,8 @@ impl Looks {
     ///
     /// # Errors
     /// Returns status 2 if the subject is nowhere.
-    pub(crate) fn view(&self, subject: &Subject, side: usize) -> Result<(View, f64)> {
+    #[doc(hidden)]
+    pub fn view(&self, subject: &Subject, side: usize) -> Result<(View, f64)> {
         let eye = self.eye(subject);
         let forward = subject.middle - eye;
         let mm = forward.length();

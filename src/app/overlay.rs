@@ -134,6 +134,7 @@ pub enum Mark {
 /// The drawing surface of overlays: a list of marks in the picture's pixels, and the camera's view to project points to them.
 ///
 /// ```
+/// # use colvis_app as colvis;
 /// use colvis::app::Canvas;
 /// use colvis::render::View;
 /// use glam::DVec3;

@@ -47,6 +47,7 @@ impl From<Place> for ColonPlace {
 /// The requested ends of a flight.
 ///
 /// ```
+/// # use colvis_app as colvis;
 /// use colvis::app::{Place, Scan, Scene, FlightRequest};
 ///
 /// let wish = FlightRequest { from: Some(Place::Cecum), ..FlightRequest::default() }; // and on to the other end

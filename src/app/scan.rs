@@ -6,25 +6,26 @@ use std::time::Instant;
 
 use glam::DVec3;
 
-use crate::app::fields::Fields;
-use crate::app::plan::{self, FlightRequest, Plan};
-use crate::app::timings::Timings;
-use crate::app::{FlightApp, Scene, Setup};
 use crate::components::play::Playback;
 use crate::error::{Error, Result};
 use crate::fields::cleanse::{self, Cleansed};
 use crate::fields::lumen::Told;
 use crate::fields::{Lumen, lumen};
+use crate::flight_fields::Fields;
 use crate::phantom::{Phantom, PhantomSettings};
+use crate::plan::{self, FlightRequest, Plan};
 use crate::progress::Progress;
 use crate::render::Preset;
 use crate::space::{PreparedVolume, TransferFunction};
+use crate::timings::Timings;
 use crate::volume::Volume;
 use crate::volume::io::{self, LoadOptions};
+use crate::{FlightApp, Scene, Setup};
 
 /// A scan to fly through. Its colon is segmented on first use.
 ///
 /// ```
+/// # use colvis_app as colvis;
 /// use colvis::app::{Scan, Scene, FlightRequest};
 /// use colvis::components::flight::State;
 ///
@@ -307,7 +308,8 @@ impl Scan {
     ///
     /// # Errors
     /// As [`Scan::cleanse`].
-    pub(crate) fn cleanse_for(&mut self, scene: &Scene) -> Result<()> {
+    #[doc(hidden)]
+    pub fn cleanse_for(&mut self, scene: &Scene) -> Result<()> {
         if self.cleansed.is_some() || scene.play().is_some() || !scene.needs().fluid_as_gas {
             return Ok(());
         }
@@ -379,8 +381,8 @@ impl Scan {
     }
 
     /// Reports the progress of what follows elsewhere.
-    #[cfg(feature = "window")]
-    pub(crate) fn report_to(&mut self, progress: &Arc<Progress>) {
+    #[doc(hidden)]
+    pub fn report_to(&mut self, progress: &Arc<Progress>) {
         self.progress = Arc::clone(progress);
     }
 
@@ -389,14 +391,13 @@ impl Scan {
     ///
     /// # Errors
     /// Returns status 2 for an invalid scene, 4 if interrupted.
-    #[cfg(feature = "window")]
-    pub(crate) fn at_rest(&mut self, scene: Scene) -> Result<FlightApp> {
+    #[doc(hidden)]
+    pub fn at_rest(&mut self, scene: Scene) -> Result<FlightApp> {
         let grid = self.volume.voxels().grid();
         // A single slice has no lumen, and a scan without a colon one without segments.
         let lumen = self.lumen.clone().unwrap_or_else(|| Arc::new(Lumen::none(grid)));
         let middle = grid.world((DVec3::from_array(grid.dims().map(|n| n as f64)) - 1.0) * 0.5);
-        let scene =
-            Scene { steering: crate::app::Steering::Nobody, mines: None, watch: None, coverage: false, ..scene };
+        let scene = Scene { steering: crate::Steering::Nobody, mines: None, watch: None, coverage: false, ..scene };
         let (volume, fields) = (self.volume.clone(), Fields::default());
         let (plan, cleansed, told) = (Plan::between(middle, middle, 1.0), self.cleansed.clone(), self.told.clone());
         self.fly(Setup { volume, lumen, plan, scene, fields, cleansed, told })
@@ -436,7 +437,8 @@ fn through_fluid(cleansed: &Cleansed, before: &Lumen, now: &Lumen) -> Vec<String
 ///
 /// # Errors
 /// Returns status 4 for a volume of one voxel or one slice.
-pub(crate) fn check_thick(volume: &Volume) -> Result<()> {
+#[doc(hidden)]
+pub fn check_thick(volume: &Volume) -> Result<()> {
     let dims = volume.grid().dims();
     if dims.iter().any(|&d| d < 2) {
         let why = format!("has {}×{}×{} voxels: a single slice has no lumen", dims[0], dims[1], dims[2]);

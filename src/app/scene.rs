@@ -5,8 +5,6 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use crate::app::images::{ImageSettings, RenderFile, RenderSettings};
-use crate::app::{Catalog, Overlay, lines};
 use crate::components::flight::Goal;
 use crate::components::guide::Tentacles;
 use crate::components::output::{GuideName, Picture};
@@ -17,11 +15,13 @@ use crate::dynamics::mines::MineSettings;
 use crate::dynamics::monitor::MonitorSettings;
 use crate::dynamics::tentacles::{Drive, TentacleSettings};
 use crate::error::{Error, Result};
+use crate::images::{ImageSettings, RenderFile, RenderSettings};
 use crate::panics::{ask_plugin, catch};
 use crate::render::{CameraModel, Options, ShaderModel};
 use crate::schedule::{App, Guide, GuideEntry, Guides, Look, Needs, Plugin, Plugins, Slot, note};
 use crate::systems;
 use crate::systems::present::{Presenters, Waiting};
+use crate::{Catalog, Overlay, lines};
 
 /// The source of the camera's motion.
 #[derive(Clone, Debug)]
@@ -37,6 +37,7 @@ pub enum Steering {
 /// The parts of a flight.
 ///
 /// ```
+/// # use colvis_app as colvis;
 /// use colvis::app::Scene;
 /// use colvis::dynamics::tentacles::TentacleSettings;
 ///
@@ -170,6 +171,7 @@ impl Scene {
     ///
     /// ```
     /// use bevy_ecs::prelude::*;
+    /// # use colvis_app as colvis;
     /// use colvis::app::{Scan, Scene, FlightRequest};
     /// use colvis::components::input::FlightCommand;
     /// use colvis::schedule::{App, FlightSystems};

@@ -9,7 +9,8 @@ use crate::render::{Frame, ImageSize};
 
 /// The parts of a flight to draw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Show {
+#[doc(hidden)]
+pub struct Show {
     /// Tentacles at the camera's position.
     pub tentacles: bool,
     /// Mines and their reach.
@@ -46,7 +47,8 @@ const FIRST_LINE: f32 = 15.0;
 const LEVELS: f32 = 6.0;
 
 /// Draws flights through one drawing.
-pub(crate) struct Painter {
+#[doc(hidden)]
+pub struct Painter {
     potential: Potential,
     /// The contour level of each pixel.
     levels: Vec<i8>,
@@ -54,19 +56,22 @@ pub(crate) struct Painter {
 
 impl Painter {
     /// Creates a painter for a flight's drawing.
-    pub(crate) fn new(flight: &Flight) -> Self {
+    #[doc(hidden)]
+    pub fn new(flight: &Flight) -> Self {
         let potential = Potential::new(flight.walls(), flight.settings());
         Self { potential, levels: Vec::new() }
     }
 
     /// Returns the whole number of picture pixels per drawing pixel that best fits `size`, at least 1.
-    pub(crate) fn scale_for(flight: &Flight, size: ImageSize) -> usize {
+    #[doc(hidden)]
+    pub fn scale_for(flight: &Flight, size: ImageSize) -> usize {
         let drawing = flight.walls().drawing();
         (size.width / drawing.width()).min(size.height / drawing.height()).max(1)
     }
 
     /// Draws the current state of a flight, with `scale` picture pixels per pixel of the drawing.
-    pub(crate) fn paint(&mut self, flight: &Flight, show: Show, scale: usize, frame: &mut Frame) {
+    #[doc(hidden)]
+    pub fn paint(&mut self, flight: &Flight, show: Show, scale: usize, frame: &mut Frame) {
         let drawing = flight.walls().drawing();
         let (w, h) = (drawing.width(), drawing.height());
         frame.resize(w * scale, h * scale);
@@ -224,9 +229,9 @@ impl Pen<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plane::PlaneSettings;
-    use crate::plane::drawing::Drawing;
-    use crate::plane::shipped::named;
+    use crate::PlaneSettings;
+    use crate::drawing::Drawing;
+    use crate::shipped::named;
 
     const BARE: Show = Show { tentacles: false, mines: false, potential: false, trajectory: false };
     const RED: Colour = [255, 0, 0];

@@ -138,15 +138,16 @@ fn roomy(at: DVec3, fits: &impl Fn(DVec3) -> bool, notes: &mut Vec<String>) -> O
 }
 
 /// Formats a position in the drawing as text.
-pub(crate) fn pair(p: DVec3) -> String {
+#[doc(hidden)]
+pub fn pair(p: DVec3) -> String {
     format!("{:.1},{:.1}", p.x, p.y)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::drawing::Drawing;
     use crate::error::Kind;
-    use crate::plane::drawing::Drawing;
     use crate::render::ImageSize;
 
     /// A drawing of `w` × `h` pixels, lumen where `inside` is true.

@@ -5,8 +5,6 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::{FlightApp, Setup};
-use crate::app::plan::{self, Plan};
-use crate::app::scene::Scene;
 use crate::components::camera::{AngularMomentum, Body, Contact, Heading, Pose, Velocity};
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, Flown, Goal, GoalMissed};
@@ -20,6 +18,8 @@ use crate::coverage::{CoveragePaint, LiveCoverage, VIEWS_AT_ONCE};
 use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
 use crate::fields::ClearanceFinder;
+use crate::plan::{self, Plan};
+use crate::scene::Scene;
 use crate::schedule::{App, Main, Slot};
 use crate::systems::{self, present};
 

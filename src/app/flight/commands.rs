@@ -4,8 +4,6 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use super::FlightApp;
-use crate::app::plan::{self, Plan, SegmentEnd};
-use crate::app::scene::Steering;
 use crate::components::camera::{Heading, Pose};
 use crate::components::flight::{Flight, Flown, State, TakenOver};
 use crate::components::guide::Planned;
@@ -14,6 +12,8 @@ use crate::components::output::Picture;
 use crate::components::play::Playback;
 use crate::components::trail::Trail;
 use crate::error::{Error, Result};
+use crate::plan::{self, Plan, SegmentEnd};
+use crate::scene::Steering;
 use glam::DVec3;
 
 impl FlightApp {
@@ -286,7 +286,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::app::Scene;
+    use crate::Scene;
     use crate::fields::lumen;
     use crate::progress::Progress;
     use crate::testing::Room;

@@ -3,12 +3,12 @@
 use std::sync::{Arc, OnceLock};
 use std::thread;
 
-use crate::app::FlightApp;
-use crate::app::flight::Setup;
-use crate::app::plan::Plan;
+use crate::FlightApp;
 use crate::error::Result;
 use crate::fields::Lumen;
 use crate::fields::connection::Connection;
+use crate::flight::Setup;
+use crate::plan::Plan;
 use crate::progress::Progress;
 use crate::space::PreparedVolume;
 
@@ -47,7 +47,8 @@ impl FlightApp {
     }
 
     /// Returns the connection, if it is found already.
-    pub(crate) fn found_connection(&self) -> Option<&Connection> {
+    #[doc(hidden)]
+    pub fn found_connection(&self) -> Option<&Connection> {
         self.connecting.found.get().and_then(Option::as_ref)
     }
 
@@ -85,10 +86,10 @@ fn search(volume: &PreparedVolume, lumen: &Lumen, plan: &Plan, progress: &Progre
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::app::{FlightRequest, OpenOptions, Place, Scan, Scene};
     use crate::fields::connection::StretchKind;
     use crate::phantom::{PhantomSettings, Size};
     use crate::shared::shared;
+    use crate::{FlightRequest, OpenOptions, Place, Scan, Scene};
 
     #[test]
     fn a_flight_tells_how_the_colon_goes_on_and_flies_no_guess() {

@@ -6,7 +6,6 @@ mod connecting;
 mod review;
 mod rounds;
 mod survey;
-#[cfg(feature = "window")]
 mod told;
 pub(crate) mod views;
 
@@ -15,9 +14,6 @@ use std::sync::Arc;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 
-use crate::app::fields::Fields;
-use crate::app::plan::{self, Plan};
-use crate::app::scene::Scene;
 use crate::components::camera::{AngularMomentum, Heading, Pose, Velocity};
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, Flown, State};
@@ -30,9 +26,12 @@ use crate::fields::cleanse::Cleansed;
 use crate::fields::clearance::TOLERANCE_MM;
 use crate::fields::lumen::Told;
 use crate::fields::{Lumen, WallDistance};
+use crate::flight_fields::Fields;
 use crate::panics;
+use crate::plan::{self, Plan};
 use crate::progress::Progress;
 use crate::render::{Frame, Reuse, Settings, View, renderer};
+use crate::scene::Scene;
 use crate::schedule::{App, at_home, note};
 use crate::space::PreparedVolume;
 use crate::systems;
@@ -41,13 +40,13 @@ pub use commands::CommandRecord;
 pub use review::TourPlan;
 pub use rounds::{ReviewRounds, TourFlown};
 pub use survey::{Covered, Survey};
-#[cfg(feature = "window")]
-pub(crate) use told::{Onward, onward};
+#[doc(hidden)]
+pub use told::{Onward, onward};
 pub use views::Views;
 
 /// A running flight. A host drives it in the same manner in a window and headless.
 ///
-/// Create it with [`Scan::flight`](crate::app::Scan::flight), or from its parts with [`FlightApp::new`]. What concerns views, what
+/// Create it with [`Scan::flight`](crate::Scan::flight), or from its parts with [`FlightApp::new`]. What concerns views, what
 /// has been covered, the setup and the commands is found on [`Views`], [`Survey`], [`Setup`] and [`CommandRecord`]. What remains
 /// here drives the flight and reads its camera. Shortcuts such as [`pose`](FlightApp::pose) and [`clock`](FlightApp::clock) for
 /// components and resources stay, because nearly every host, test and example reads them.
@@ -97,7 +96,8 @@ impl Setup {
     }
 
     /// Builds the fields that the scene needs for the plan, and drops the others.
-    pub(crate) fn build_fields(&mut self, progress: &Progress) -> Result<()> {
+    #[doc(hidden)]
+    pub fn build_fields(&mut self, progress: &Progress) -> Result<()> {
         let Self { volume, lumen, plan, scene, fields, .. } = self;
         fields.build(scene.needs(), volume.voxels(), lumen, plan, scene.body.radius_mm, progress)
     }
@@ -295,7 +295,8 @@ impl FlightApp {
     }
 
     /// Ends the flight because of an error.
-    pub(crate) fn end_because(&mut self, fault: &Error) {
+    #[doc(hidden)]
+    pub fn end_because(&mut self, fault: &Error) {
         self.end();
         if let Some(mut f) = self.camera_mut::<Flight>() {
             f.reason = format!("{}: {}", fault.what, fault.why);
@@ -303,7 +304,8 @@ impl FlightApp {
     }
 
     /// Ends the flight because its time is over.
-    pub(crate) fn end(&mut self) {
+    #[doc(hidden)]
+    pub fn end(&mut self) {
         let place = self.pose().position;
         if let Some(mut f) = self.camera_mut::<Flight>()
             && f.state == State::Flying
@@ -313,8 +315,8 @@ impl FlightApp {
     }
 
     /// Adopts fields that were built elsewhere for this flight. Fields that do not fit its plan are rebuilt.
-    #[cfg(feature = "window")]
-    pub(crate) fn adopt(&mut self, fields: Fields) {
+    #[doc(hidden)]
+    pub fn adopt(&mut self, fields: Fields) {
         self.setup.fields = fields;
     }
 
@@ -350,8 +352,8 @@ impl FlightApp {
     }
 
     /// Sets how far along the path the camera is, mm. Use it to continue an earlier flight.
-    #[cfg(feature = "window")]
-    pub(crate) fn stands_at(&mut self, along_mm: f64) {
+    #[doc(hidden)]
+    pub fn stands_at(&mut self, along_mm: f64) {
         let share = along_mm / self.setup.plan.length_mm;
         self.jump(if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 });
     }

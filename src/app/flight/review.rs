@@ -7,9 +7,6 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::FlightApp;
-use crate::app::fields::Fields;
-use crate::app::plan::{FlightRequest, Plan, PlanEnd};
-use crate::app::scene::Steering;
 use crate::components::flight::{Flight, State};
 use crate::components::review::{Review, ReviewStop, TourStop};
 use crate::components::trail::Trail;
@@ -18,10 +15,12 @@ use crate::dynamics::Route;
 use crate::dynamics::monitor::MonitorSettings;
 use crate::dynamics::route::profile::PathSettings;
 use crate::error::{Error, Result};
-#[cfg(feature = "window")]
 use crate::fields::Lumen;
 use crate::fields::centerline::legs::Legs;
 use crate::fields::{Through, WallDistance};
+use crate::flight_fields::Fields;
+use crate::plan::{FlightRequest, Plan, PlanEnd};
+use crate::scene::Steering;
 use crate::schedule::{Guide, Look};
 use crate::systems::looks;
 
@@ -122,15 +121,15 @@ impl FlightApp {
     }
 
     /// True if a tour can be planned without building the distances to the wall first.
-    #[cfg(feature = "window")]
-    pub(crate) fn knows_walls_to_tour(&self) -> bool {
+    #[doc(hidden)]
+    pub fn knows_walls_to_tour(&self) -> bool {
         let gas = self.setup.plan.gas.as_ref().unwrap_or(&self.setup.lumen);
         self.setup.fields.walls().is_some() || self.toured.as_ref().is_some_and(|(of, _)| Arc::ptr_eq(of, gas))
     }
 
     /// Adopts the distances to the wall of some gas, for tours through it.
-    #[cfg(feature = "window")]
-    pub(crate) fn adopt_walls(&mut self, gas: Arc<Lumen>, walls: Arc<WallDistance>) {
+    #[doc(hidden)]
+    pub fn adopt_walls(&mut self, gas: Arc<Lumen>, walls: Arc<WallDistance>) {
         self.toured = Some((gas, walls));
     }
 
@@ -238,7 +237,7 @@ impl FlightApp {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::app::Scene;
+    use crate::Scene;
     use crate::components::camera::Pose;
     use crate::components::input::{FlightCommand, HandCommand};
     use crate::fields::lumen;

@@ -22,6 +22,7 @@ const RANDOM: u64 = 1000;
 /// A flight's review, round by round.
 ///
 /// ```
+/// # use colvis_app as colvis;
 /// use colvis::app::{FlightRequest, ReviewRounds, Scan, Scene};
 ///
 /// let mut flight = Scan::phantom(1)?.flight(Scene::guided_by("path"), &FlightRequest::default())?;

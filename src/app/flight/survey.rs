@@ -227,11 +227,11 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::app::{Plan, Scene};
     use crate::fields::Lumen;
     use crate::fields::lumen::Segment;
     use crate::progress::Progress;
     use crate::testing::Room;
+    use crate::{Plan, Scene};
 
     #[test]
     fn what_is_left_is_neither_flown_nor_being_flown() {

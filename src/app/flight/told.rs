@@ -5,20 +5,21 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::{FlightApp, Setup};
-use crate::app::fields::Fields;
-use crate::app::plan::{self, Plan, SegmentEnd};
 use crate::components::flight::Flown;
 use crate::components::input::FlightCommand;
 use crate::error::Result;
 use crate::fields::Lumen;
 use crate::fields::lumen::{Segment, Told};
+use crate::flight_fields::Fields;
+use crate::plan::{self, Plan, SegmentEnd};
 
 /// Distance from gas at which the camera belongs to it, mm.
 const NEAR_MM: f64 = 5.0;
 
 /// How a flight goes on in another lumen.
 #[derive(Clone, Debug)]
-pub(crate) enum Onward {
+#[doc(hidden)]
+pub enum Onward {
     /// What is flown is as it was.
     Same(Plan),
     /// It has changed: a plan through the segment where the camera is.
@@ -31,7 +32,8 @@ pub(crate) enum Onward {
 
 impl Onward {
     /// Returns the plan, if there is one.
-    pub(crate) fn plan(&self) -> Option<&Plan> {
+    #[doc(hidden)]
+    pub fn plan(&self) -> Option<&Plan> {
         match self {
             Self::Same(plan) | Self::Changed(plan) | Self::Elsewhere(plan) => Some(plan),
             Self::Nowhere => None,
@@ -49,7 +51,8 @@ fn is_same(a: &Segment, b: &Segment) -> bool {
 ///
 /// # Errors
 /// Returns status 4 if the segment to fly is too narrow for the body.
-pub(crate) fn onward(setup: &Setup, lumen: &Lumen, position: DVec3) -> Result<Onward> {
+#[doc(hidden)]
+pub fn onward(setup: &Setup, lumen: &Lumen, position: DVec3) -> Result<Onward> {
     let Some(number) = setup.plan.segment else { return Ok(Onward::Same(setup.plan.clone())) };
     let flown = setup.lumen.segments.get(number);
     if let Some(n) = lumen.segments.iter().position(|s| flown.is_some_and(|f| is_same(s, f))) {
@@ -70,7 +73,8 @@ impl FlightApp {
     ///
     /// # Errors
     /// Returns an error if no plan or field can be made. The flight then stays as it was.
-    pub(crate) fn tell(&mut self, lumen: Arc<Lumen>, told: Vec<Told>, fields: Fields) -> Result<Onward> {
+    #[doc(hidden)]
+    pub fn tell(&mut self, lumen: Arc<Lumen>, told: Vec<Told>, fields: Fields) -> Result<Onward> {
         let pose = self.pose();
         let onward = onward(&self.setup, &lumen, pose.position)?;
         let Some(plan) = onward.plan().cloned() else {

@@ -36,6 +36,7 @@ impl Views<'_> {
     /// method also prepares the renderer at once.
     ///
     /// ```
+    /// # use colvis_app as colvis;
     /// use colvis::app::{Scan, Scene, FlightRequest};
     /// use colvis::components::output::{Follows, Picture};
     ///
@@ -51,6 +52,7 @@ impl Views<'_> {
     /// With the distance to the wall:
     ///
     /// ```
+    /// # use colvis_app as colvis;
     /// use colvis::app::{FlightRequest, Scan, Scene};
     /// use colvis::components::output::{Follows, Picture};
     ///
@@ -77,6 +79,7 @@ impl Views<'_> {
     /// Adds a slice: an entity with a [`SliceView`]. It is drawn in each frame that changes it.
     ///
     /// ```
+    /// # use colvis_app as colvis;
     /// use colvis::app::{Scan, Scene, FlightRequest};
     /// use colvis::components::slices::{Orientation, SliceView};
     ///
@@ -243,9 +246,9 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::app::{ImageSettings, Plan, Scene};
     use crate::fields::Lumen;
     use crate::testing::Room;
+    use crate::{ImageSettings, Plan, Scene};
 
     /// A flight through a room, with small pictures.
     fn flight() -> FlightApp {

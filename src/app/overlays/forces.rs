@@ -7,14 +7,14 @@ use glam::DVec3;
 
 use super::surroundings::surroundings;
 use super::{EDGE, GREEN, GREY, SKY, SMALL, VERMILION, VIOLET, WHITE, YELLOW, arrow, legend_row, legend_text};
-use crate::app::overlay::{Align, Canvas, Colour, Place2};
-use crate::app::{FlightApp, Overlay};
 use crate::components::camera::Velocity;
 use crate::components::flight::State;
 use crate::components::guide::{GuideThrust, MinePush, PotentialField};
 use crate::components::input::Hand;
 use crate::dynamics::Potential;
+use crate::overlay::{Align, Canvas, Colour, Place2};
 use crate::systems::motion::acting;
+use crate::{FlightApp, Overlay};
 
 /// The overlay.
 pub const OVERLAY: Overlay =
@@ -147,9 +147,9 @@ fn letter(canvas: &mut Canvas, from: Place2, tip: Place2, force: &Force) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::app::Scene;
-    use crate::app::overlay::Mark;
-    use crate::app::overlays::tests::{drawn, flight_in_a_room};
+    use crate::Scene;
+    use crate::overlay::Mark;
+    use crate::overlays::tests::{drawn, flight_in_a_room};
 
     #[test]
     fn the_legend_lists_every_force_with_its_size_in_a_column() {
@@ -179,7 +179,7 @@ mod tests {
     /// The point that the arrows start at is a cross of 10 points.
     #[test]
     fn a_cross_marks_where_the_forces_act() {
-        use crate::app::overlay::Mark;
+        use crate::overlay::Mark;
         let mut flight = flight_in_a_room(Scene::guided_by("tentacles"));
         flight.step().unwrap();
         let marks = drawn(&OVERLAY, &flight, [800, 600], 1.0);

@@ -6,9 +6,9 @@ use glam::DVec3;
 
 use super::surroundings::surroundings;
 use super::{EDGE, GREY, SKY, SMALL, VERMILION, WHITE, legend_row, legend_text};
-use crate::app::overlay::{Align, Canvas, Colour};
-use crate::app::{FlightApp, Overlay};
 use crate::fields::connection::{Stretch, StretchKind};
+use crate::overlay::{Align, Canvas, Colour};
+use crate::{FlightApp, Overlay};
 
 /// The overlay.
 pub const OVERLAY: Overlay = Overlay {
@@ -94,8 +94,8 @@ fn dashes(points: &[DVec3]) -> Vec<[DVec3; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::app::Scene;
-    use crate::app::overlays::tests::{drawn, flight_in_a_room, texts};
+    use crate::Scene;
+    use crate::overlays::tests::{drawn, flight_in_a_room, texts};
 
     #[test]
     fn a_line_is_dashed_by_its_length() {

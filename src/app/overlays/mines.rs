@@ -3,10 +3,10 @@
 
 use super::surroundings::surroundings;
 use super::{EDGE, GREY, SMALL, WHITE, YELLOW, dot, legend_row, legend_text, ring};
-use crate::app::overlay::{Align, Canvas, Place2};
-use crate::app::{FlightApp, Overlay};
 use crate::components::guide::MineField;
+use crate::overlay::{Align, Canvas, Place2};
 use crate::space::first_crossing;
+use crate::{FlightApp, Overlay};
 
 /// The overlay.
 pub const OVERLAY: Overlay =
@@ -81,9 +81,9 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::app::Scene;
-    use crate::app::overlays::tests::{drawn, flight_in_a_room, texts};
+    use crate::Scene;
     use crate::dynamics::mines::MineSettings;
+    use crate::overlays::tests::{drawn, flight_in_a_room, texts};
 
     #[test]
     fn the_legend_counts_the_mines_and_those_that_push() {
@@ -121,7 +121,7 @@ mod tests {
         let radii: Vec<f32> = marks
             .iter()
             .filter_map(|m| {
-                if let crate::app::overlay::Mark::Disc { centre, radius, .. } = m {
+                if let crate::overlay::Mark::Disc { centre, radius, .. } = m {
                     middle(centre).then_some(*radius)
                 } else {
                     None
@@ -144,11 +144,7 @@ mod tests {
         for scale in [1.0, 2.0] {
             let marks = drawn(&OVERLAY, &flight, [800, 600], scale);
             let discs = marks.iter().filter_map(|m| {
-                if let crate::app::overlay::Mark::Disc { centre, radius, .. } = m {
-                    Some((*centre, *radius))
-                } else {
-                    None
-                }
+                if let crate::overlay::Mark::Disc { centre, radius, .. } = m { Some((*centre, *radius)) } else { None }
             });
             let most = discs
                 .filter(|(c, _)| (c[0] - 400.0).abs() < 2.0 && (c[1] - 300.0).abs() < 2.0)

@@ -14,8 +14,8 @@ pub mod mines;
 pub mod surroundings;
 pub mod tentacles;
 
-use crate::app::Overlay;
-use crate::app::overlay::{Align, Canvas, Colour, Place2};
+use crate::Overlay;
+use crate::overlay::{Align, Canvas, Colour, Place2};
 
 /// All overlays of this crate.
 pub const BUILT_IN: [Overlay; 4] = [tentacles::OVERLAY, mines::OVERLAY, forces::OVERLAY, gaps::OVERLAY];
@@ -105,11 +105,11 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::app::overlay::Mark;
-    use crate::app::{FlightApp, Plan, Scene};
     use crate::fields::Lumen;
+    use crate::overlay::Mark;
     use crate::render::View;
     use crate::testing::Room;
+    use crate::{FlightApp, Plan, Scene};
 
     /// Returns a flight along +y through a room of 20 × 80 × 20 mm, 60 mm from its beginning.
     pub(super) fn flight_in_a_room(scene: Scene) -> FlightApp {

@@ -5,8 +5,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{EDGE, GREY, MARGIN, SMALL, WHITE, arrow, bottom};
-use crate::app::FlightApp;
-use crate::app::overlay::{Align, Canvas, Colour, Place2};
+use crate::FlightApp;
+use crate::overlay::{Align, Canvas, Colour, Place2};
 use crate::space::first_crossing;
 
 /// Width that a view shows, mm; its height is two thirds of that.

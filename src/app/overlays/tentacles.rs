@@ -6,9 +6,9 @@
 
 use super::surroundings::surroundings;
 use super::{GREY, ORANGE, SKY, WHITE, dot, legend_row, legend_text, ring};
-use crate::app::overlay::{Canvas, Colour};
-use crate::app::{FlightApp, Overlay};
 use crate::components::guide::Tentacles;
+use crate::overlay::{Canvas, Colour};
+use crate::{FlightApp, Overlay};
 
 /// The overlay.
 pub const OVERLAY: Overlay = Overlay {
@@ -105,9 +105,9 @@ fn legend(t: &Tentacles, canvas: &mut Canvas) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::app::Scene;
-    use crate::app::overlay::Mark;
-    use crate::app::overlays::tests::{drawn, flight_in_a_room, texts};
+    use crate::Scene;
+    use crate::overlay::Mark;
+    use crate::overlays::tests::{drawn, flight_in_a_room, texts};
 
     #[test]
     fn near_is_orange_and_far_is_blue() {

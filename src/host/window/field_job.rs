@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::job::Job;
-use crate::app::fields::Fields;
+use crate::app::Fields;
 use crate::app::{FlightApp, Setup};
 use crate::error::Result;
 use crate::progress::Progress;

@@ -12,7 +12,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use super::job::Job;
 use super::screenshot_renderer::WakeUp;
 use super::told;
-use crate::app::fields::Fields;
+use crate::app::Fields;
 use crate::app::flight::onward;
 use crate::app::{FlightApp, Setup};
 use crate::error::{Error, Result};

@@ -189,6 +189,8 @@ fn sanitized(mark: &Mark) -> Option<Mark> {
             align: *align,
             size: within(*size, TEXT_SIZES[0], TEXT_SIZES[1]),
         },
+        // One that this painter does not know yet.
+        _ => return None,
     })
 }
 
@@ -221,6 +223,7 @@ pub(crate) fn marks(p: &Painter, area: Rect, marks: &[Mark]) {
                 };
                 text(p, at(*place), align, words, *size, ink(*colour));
             }
+            _ => {}
         }
     }
 }

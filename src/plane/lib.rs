@@ -9,8 +9,10 @@
 pub mod drawing;
 mod files;
 pub mod flight;
-pub(crate) mod picture;
-pub(crate) mod plan;
+#[doc(hidden)]
+pub mod picture;
+#[doc(hidden)]
+pub mod plan;
 pub(crate) mod potential;
 pub mod shipped;
 mod walls;
@@ -19,3 +21,8 @@ pub use drawing::Drawing;
 pub use flight::{Flight, PlaneSettings, State};
 pub use plan::Plan;
 pub use walls::Walls;
+
+pub(crate) use colvis_flight::components;
+pub(crate) use colvis_imaging::render;
+pub(crate) use colvis_kernels::{dynamics, fields};
+pub(crate) use colvis_scan::{error, math, output};

@@ -5,12 +5,12 @@ use std::time::Instant;
 
 use glam::DVec3;
 
-use crate::app::plan::Plan;
 use crate::dynamics::Route;
 use crate::error::{Error, Result};
 use crate::fields::centerline::{self, CenterlineMethod, End};
 use crate::fields::clearance::TOLERANCE_MM;
 use crate::fields::{BodyClearance, Lumen, TargetDistance, Through, WallDistance};
+use crate::plan::Plan;
 use crate::progress::Progress;
 use crate::schedule::Needs;
 use crate::volume::Volume;
@@ -51,8 +51,8 @@ fn narrower(kept_mm: f64, asked_mm: f64) -> String {
 
 impl Fields {
     /// True if everything in `wanted` is built for this plan.
-    #[cfg(feature = "window")]
-    pub(crate) fn has(&self, wanted: Needs, plan: &Plan) -> bool {
+    #[doc(hidden)]
+    pub fn has(&self, wanted: Needs, plan: &Plan) -> bool {
         let ends = [plan.begin, plan.goal().at];
         let planned = self
             .route
@@ -109,7 +109,8 @@ impl Fields {
     ///
     /// # Errors
     /// Returns status 4 if there is no path between the plan's ends, or if interrupted.
-    pub(crate) fn build(
+    #[doc(hidden)]
+    pub fn build(
         &mut self,
         wanted: Needs,
         volume: &Volume,
