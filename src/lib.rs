@@ -212,12 +212,13 @@ pub use colvis_phantom as phantom;
 #[doc(inline)]
 pub use colvis_plane as plane;
 #[doc(inline)]
+pub use colvis_report::report;
+#[doc(inline)]
 pub use colvis_scan::{error, math, output, progress, volume};
 pub(crate) use colvis_scan::{memory, panics};
 
 pub mod cli;
 pub mod host;
-pub mod report;
 #[cfg(test)]
 #[path = "../tests/support/shared.rs"]
 mod shared;

@@ -2,21 +2,28 @@
 //!
 //! Timings are medians of frames that different methods render in turn, so that load on the machine slows all methods alike.
 
-pub(crate) mod candidates;
-pub(crate) mod cleansing;
-pub(crate) mod coverage;
+#[doc(hidden)]
+pub mod candidates;
+#[doc(hidden)]
+pub mod cleansing;
+#[doc(hidden)]
+pub mod coverage;
 mod dots;
-pub(crate) mod dynamics;
-pub(crate) mod fields;
+#[doc(hidden)]
+pub mod dynamics;
+#[doc(hidden)]
+pub mod fields;
 pub mod flight;
-pub(crate) mod gradients;
+#[doc(hidden)]
+pub mod gradients;
 mod image;
 mod methods;
 mod page;
 pub mod perforation;
 mod plot;
 pub mod render;
-pub(crate) mod scenes;
+#[doc(hidden)]
+pub mod scenes;
 mod table;
 pub mod trials;
 

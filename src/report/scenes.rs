@@ -96,7 +96,7 @@ struct Cost {
 ///
 /// # Errors
 /// Returns status 4 if the scan cannot be flown or if interrupted, 5 if a file cannot be written.
-pub(crate) fn report(
+pub fn report(
     volume: &PreparedVolume,
     plugins: &Plugins,
     effort: Effort,

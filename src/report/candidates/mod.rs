@@ -74,10 +74,14 @@ struct Step {
 }
 
 /// A scan of the user's with its truth.
-pub(crate) struct Own {
+pub struct Own {
+    /// Its name in the tables.
     pub title: String,
+    /// The scan.
     pub volume: Volume,
+    /// The polyps that there are.
     pub polyps: Vec<TruePolyp>,
+    /// What looks like one.
     pub decoys: Vec<TrueDecoy>,
 }
 
@@ -93,7 +97,7 @@ struct TruthFile {
 ///
 /// # Errors
 /// Returns status 3 if it cannot be read, is no such file, or has a polyp without a place or size.
-pub(crate) fn read_truth(path: &Path) -> Result<(Vec<TruePolyp>, Vec<TrueDecoy>)> {
+pub fn read_truth(path: &Path) -> Result<(Vec<TruePolyp>, Vec<TrueDecoy>)> {
     let hint =
         "give what `colvis phantom --truth` writes, or {\"polyps\": [{\"position\": [x, y, z], \"diameter_mm\": d}]}";
     let text = std::fs::read_to_string(path)
@@ -115,7 +119,7 @@ pub(crate) fn read_truth(path: &Path) -> Result<(Vec<TruePolyp>, Vec<TrueDecoy>)
 ///
 /// # Errors
 /// Returns status 4 if interrupted, 5 if a file cannot be written, or a detector's error.
-pub(crate) fn report(
+pub fn report(
     effort: Effort,
     seed: u64,
     detectors: &[Detector],
@@ -227,13 +231,13 @@ fn trials_of(
 }
 
 /// What a detector finds, with the time, s, and memory, MB, if that is known.
-pub(crate) type FoundBy = (Vec<Candidate>, f64, Option<f64>);
+pub type FoundBy = (Vec<Candidate>, f64, Option<f64>);
 
 /// Returns what each detector finds in a scan, as `colvis candidates` does, with the time, s, and memory, MB, beyond the colon.
 ///
 /// # Errors
 /// Returns status 4 if interrupted, or a detector's error.
-pub(crate) fn found_by(
+pub fn found_by(
     detectors: &[Detector],
     mut volume: Volume,
     transfer: TransferFunction,

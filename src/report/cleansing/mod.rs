@@ -78,7 +78,7 @@ struct Measured {
 ///
 /// # Errors
 /// Returns status 4 if interrupted, 5 if a file cannot be written.
-pub(crate) fn report(effort: Effort, seed: u64, folder: &Path, progress: &Progress) -> Result<Vec<String>> {
+pub fn report(effort: Effort, seed: u64, folder: &Path, progress: &Progress) -> Result<Vec<String>> {
     let (size, name) = effort.choose((Size::Small, "small"), (Size::Standard, "standard"));
     let mut all = Vec::new();
     for seed in seed..seed + effort.choose(1, 5) {

@@ -193,7 +193,7 @@ fn turning(log: &[LogLine], dt: f64) -> [Vec<f64>; 2] {
 mod tests {
     use super::*;
     use crate::shared::shared;
-    use crate::testing::Room;
+    use colvis_flight::testing::Room;
 
     fn line(t: f64, position: DVec3, forward: DVec3, up: DVec3) -> LogLine {
         LogLine {

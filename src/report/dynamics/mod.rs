@@ -56,7 +56,7 @@ const STUDIES: [(&str, Study); 9] = [
 ///
 /// # Errors
 /// Returns status 4 if interrupted or if a scan contains no colon, 5 if a file cannot be written.
-pub(crate) fn report(
+pub fn report(
     effort: Effort,
     scan: Option<(String, PreparedVolume)>,
     folder: &Path,

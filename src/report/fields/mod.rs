@@ -37,7 +37,7 @@ const JUDGED: u64 = 10;
 ///
 /// # Errors
 /// Returns status 4 if interrupted or if a scan contains no colon, 5 if a file cannot be written.
-pub(crate) fn report(
+pub fn report(
     effort: Effort,
     seed: u64,
     scan: Option<(String, Volume)>,

@@ -44,7 +44,7 @@ struct Line {
 ///
 /// # Errors
 /// Returns status 4 if interrupted, 5 if a file cannot be written.
-pub(crate) fn report(effort: Effort, folder: &Path, progress: &Progress) -> Result<Vec<String>> {
+pub fn report(effort: Effort, folder: &Path, progress: &Progress) -> Result<Vec<String>> {
     let count = effort.choose(4_000, 40_000);
     progress.stage("estimating gradients", (SHAPES.len() * NOISE_HU.len()) as u64);
     let mut lines = Vec::new();
