@@ -21,6 +21,7 @@ pub mod plan;
 #[doc(hidden)]
 pub mod scan;
 pub(crate) mod scene;
+pub mod study;
 mod timings;
 
 pub use catalog::Catalog;

@@ -45,8 +45,6 @@ use crate::render::{CameraModel, Preset, ShaderModel};
 use crate::schedule::Guides;
 use crate::schedule::{Guide, Look, Plugin};
 use args::{Args, Command};
-#[cfg(test)]
-pub(crate) use candidates::tests::written as written_candidates;
 pub use clap;
 use files::Files;
 use own::OwnCommand;

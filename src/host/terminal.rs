@@ -12,7 +12,7 @@ use crate::progress::Progress;
 
 /// A progress bar on the terminal until dropped; nothing if standard error is not a terminal.
 ///
-/// [`Session::progress_bar`](crate::cli::Session::progress_bar) makes one.
+/// `cli::Session::progress_bar` makes one.
 #[must_use = "the bar is shown until it is dropped"]
 pub struct Bar {
     stop: Arc<AtomicBool>,

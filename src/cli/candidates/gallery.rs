@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::Entry;
 use super::page::{Card, Page, Picture, VIEW};
 use crate::app::look::{Looks, SLICE, Subject};
+use crate::app::study::CandidateEntry;
 use crate::error::{Error, Result};
 use crate::host::record::write_grey_png;
 use crate::output;
@@ -44,7 +44,7 @@ pub(super) fn write(
     folder: &Path,
     scene: Scene<'_>,
     found: &[Candidate],
-    entries: &[Entry],
+    entries: &[CandidateEntry],
     progress: &Progress,
 ) -> Result<usize> {
     let page = folder.join(PAGE);

@@ -3,58 +3,20 @@
 pub(super) mod gallery;
 mod page;
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use glam::DVec3;
-use serde::Serialize;
 use serde_json::json;
 
 use crate::app::Timings;
-use crate::app::colon::{self, WALL_MM};
+use crate::app::colon::WALL_MM;
+use crate::app::study::Study;
 use crate::cli::Program;
 use crate::cli::args::{CandidatesArgs, Global};
 use crate::cli::prepare;
 use crate::error::Result;
-use crate::fields::Along;
 use crate::output;
-use crate::polyps::{self, Candidate, Colon, FEATURES, Wall, detectors};
+use crate::polyps::detectors;
 use crate::progress::Progress;
-
-/// A candidate in the list. Places are world, mm LPS.
-#[derive(Serialize)]
-struct Entry {
-    rank: usize,
-    score: f64,
-    position: DVec3,
-    diameter_mm: Option<f64>,
-    height_mm: Option<f64>,
-    volume_mm3: Option<f64>,
-    along_mm: Option<f64>,
-    segment: Option<usize>,
-    /// Part of the colon.
-    part: Option<&'static str>,
-    features: BTreeMap<&'static str, f64>,
-}
-
-impl Entry {
-    fn new(rank: usize, candidate: &Candidate, along: &Along) -> Self {
-        let lesion = candidate.lesion.as_ref();
-        let place = along.of(candidate.position);
-        Self {
-            rank,
-            score: candidate.score,
-            position: candidate.position,
-            diameter_mm: lesion.map(|l| l.diameter_mm),
-            height_mm: lesion.map(|l| l.height_mm),
-            volume_mm3: lesion.map(|l| l.volume_mm3),
-            along_mm: place.map(|p| p.mm),
-            segment: place.map(|p| p.segment),
-            part: place.and_then(|p| p.part),
-            features: lesion.map_or_else(BTreeMap::new, |l| FEATURES.into_iter().zip(l.features).collect()),
-        }
-    }
-}
 
 /// How far beyond the lumen the scan is kept for pictures, mm.
 const PICTURE_MM: f64 = 50.0;
@@ -73,23 +35,22 @@ pub(crate) fn run(program: &Program, args: &CandidatesArgs, global: &Global, pro
     let global = Global { cleanse: false, ..global.clone() };
     let mut volume = prepare::load(&args.input, &global, &mut timings, progress)?;
     let (lumen, _) = prepare::cleansed_lumen(&mut volume, args.from.map(|p| p.0), true, &mut timings, progress)?;
-    let along = lumen.along(&volume, progress)?;
     let beyond = if args.gallery.is_some() { PICTURE_MM } else { WALL_MM };
-    let (volume, lumen) = colon::around(volume, lumen, beyond);
-    let wall = timings.time("wall_s", || Wall::new(&volume, &lumen, transfer.iso(), progress))?;
-    let colon = Colon { volume: &volume, lumen: &lumen, wall: &wall };
-    let mut found = timings.time("candidates_s", || polyps::find(&detector, &colon, progress))?;
+    let study = Study::new(volume, lumen, transfer.iso(), beyond, &mut timings, progress)?;
+    let mut found = timings.time("candidates_s", || study.find(&detector, progress))?;
     found.truncate(args.max.unwrap_or(usize::MAX));
-    let entries: Vec<Entry> = found.iter().enumerate().map(|(n, c)| Entry::new(n + 1, c, &along)).collect();
+    let entries = study.entries(&found);
     output::write_json(&args.out, &json!({ "candidates": entries }))?;
+    let wall_bytes = study.wall.bytes();
     if let Some(folder) = &args.gallery {
         let name = args.input.file_name().map_or_else(|| "scan".to_owned(), |n| n.to_string_lossy().into_owned());
+        let Study { volume, lumen, wall, .. } = study;
         let scene = gallery::Scene { volume, transfer, wall: &wall, scan: name, is_ordered: lumen.ordered };
         timings.time("gallery_s", || gallery::write(folder, scene, &found, &entries, progress))?;
     }
     if let Some(path) = &args.stats {
         let mut stats = prepare::stats_head(&timings);
-        for (name, value) in [("candidates", json!(entries.len())), ("wall_bytes", json!(wall.bytes()))] {
+        for (name, value) in [("candidates", json!(entries.len())), ("wall_bytes", json!(wall_bytes))] {
             stats.insert(name.to_owned(), value);
         }
         output::write_json(path, &stats)?;
@@ -110,7 +71,8 @@ fn check_outputs(args: &CandidatesArgs) -> Result<()> {
 }
 
 #[cfg(test)]
-pub(in crate::cli) mod tests {
+mod tests {
+    use glam::DVec3;
     use serde_json::Value;
 
     use super::*;
@@ -123,7 +85,7 @@ pub(in crate::cli) mod tests {
 
     /// Writes a scan to a file, and the list of its candidates with `colvis candidates --out`. Returns the options, the scan as the file
     /// has it, and the list.
-    pub(crate) fn written(scan: &Volume, options: &[&str], progress: &Progress) -> (Global, Volume, Vec<Value>) {
+    fn written(scan: &Volume, options: &[&str], progress: &Progress) -> (Global, Volume, Vec<Value>) {
         let dir = tempfile::tempdir().unwrap();
         let [path, list] = ["scan.nii", "list.json"].map(|n| dir.path().join(n).to_string_lossy().into_owned());
         io::save(Path::new(&path), scan, progress).unwrap();

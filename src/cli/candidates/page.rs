@@ -5,8 +5,8 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::Entry;
 use crate::app::look::{SLICE, SLICE_MM};
+use crate::app::study::CandidateEntry;
 use crate::error::Result;
 use crate::math::hash;
 use crate::output;
@@ -102,14 +102,14 @@ impl Picture {
 
 /// A candidate with its pictures.
 pub(super) struct Card<'a> {
-    pub(super) entry: &'a Entry,
+    pub(super) entry: &'a CandidateEntry,
     pub(super) lesion: Option<&'a Lesion>,
     pub(super) pictures: Vec<Picture>,
 }
 
 impl Card<'_> {
     fn html(&self, is_ordered: bool) -> String {
-        let Entry { rank, score: own, position, .. } = self.entry;
+        let CandidateEntry { rank, score: own, position, .. } = self.entry;
         let mut facts = vec![format!("score {own:.3}")];
         let measures = [
             ("diameter", self.entry.diameter_mm, "mm"),
@@ -181,7 +181,7 @@ pub(super) struct Page<'a> {
     /// True if places are measured from the rectum; else each segment is measured from its own end.
     pub(super) is_ordered: bool,
     /// The whole list.
-    pub(super) all: &'a [Entry],
+    pub(super) all: &'a [CandidateEntry],
     /// Those with pictures.
     pub(super) cards: &'a [Card<'a>],
 }
@@ -283,7 +283,7 @@ mod tests {
     fn a_page_tells_how_much_of_the_list_it_shows() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("index.html");
-        let entry = |rank| Entry {
+        let entry = |rank| CandidateEntry {
             rank,
             score: 0.5,
             position: glam::DVec3::splat(rank as f64),

@@ -7,16 +7,18 @@ use std::time::{Duration, Instant};
 use glam::DVec3;
 
 use super::{AssistInput, missed};
-use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scan, Scene};
-use crate::cli::written_candidates;
+use crate::app::study::Study;
+use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scan, Scene, Timings, colon};
 use crate::coverage::LiveCoverage;
-use crate::fields::{Along, AlongColon};
+use crate::fields::{Along, AlongColon, lumen};
 use crate::host::window::controller::FlightController;
 use crate::host::window::controller::tests::{cockpit_of, perform, trace};
 use crate::phantom::PhantomSettings;
+use crate::polyps::detectors;
 use crate::progress::Progress;
 use crate::render::Settings;
 use crate::shared::shared;
+use crate::space::TransferFunction;
 use crate::volume::Volume;
 
 /// Longest wait for the background.
@@ -88,11 +90,23 @@ fn told_mm(place: &AlongColon) -> String {
     place.text().replace("about ", "").trim_end_matches(" mm").to_owned()
 }
 
+/// The list of candidates that `colvis candidates` writes of a scan.
+fn listed(mut scan: Volume) -> Vec<serde_json::Value> {
+    let (progress, timings) = (Progress::new(), &mut Timings::default());
+    let find = |volume: &Volume| lumen::find(volume, &progress);
+    let found = find(&scan).unwrap();
+    let without_tag = colon::without_tag(&mut scan, found, true, |v| find(v).map(Some), |_| {}, timings, &progress);
+    let iso = TransferFunction::default().iso();
+    let study = Study::new(scan, without_tag.unwrap().0, iso, colon::WALL_MM, timings, &progress).unwrap();
+    let entries = study.entries(&study.find(&detectors::BUILT_IN[0], &progress).unwrap());
+    entries.iter().map(|e| serde_json::to_value(e).unwrap()).collect()
+}
+
 /// Every candidate that a window lists has the place, the segment and the part that `colvis candidates` writes of it, and the camera
 /// that went to it is told by the same measure. `guide` may take the tag out of the scan.
 fn candidates_agree(guide: &'static str, fluid: bool, collapsed: bool) {
-    let (_, scan, in_file) = written_candidates(&scanned(fluid, collapsed).0, &[], &Progress::new());
-    let (scan, along) = measured(scan);
+    let (scan, along) = scanned(fluid, collapsed);
+    let in_file = listed(scan.clone());
     let (mut c, mut now) = (window(scan, guide, 0.0), Instant::now());
     c.assist(AssistInput::Begin, now);
     until(&mut c, &mut now, |c| c.assistant().unwrap().found().is_some());
