@@ -123,6 +123,7 @@
 //! colvis = { opt-level = 3, debug = false }
 //! colvis-app = { opt-level = 3, debug = false }
 //! colvis-flight = { opt-level = 3, debug = false }
+//! colvis-host = { opt-level = 3, debug = false }
 //! colvis-imaging = { opt-level = 3, debug = false }
 //! colvis-kernels = { opt-level = 3, debug = false }
 //! colvis-phantom = { opt-level = 3, debug = false }
@@ -204,6 +205,8 @@ pub use colvis_app as app;
 #[doc(inline)]
 pub use colvis_flight::{components, coverage, schedule, systems, testing};
 #[doc(inline)]
+pub use colvis_host::host;
+#[doc(inline)]
 pub use colvis_imaging::{polyps, render, space, surface};
 #[doc(inline)]
 pub use colvis_kernels::{dynamics, fields};
@@ -218,7 +221,6 @@ pub use colvis_scan::{error, math, output, progress, volume};
 pub(crate) use colvis_scan::{memory, panics};
 
 pub mod cli;
-pub mod host;
 #[cfg(test)]
 #[path = "../tests/support/shared.rs"]
 mod shared;

@@ -1,12 +1,17 @@
 //! Hosts that drive a flight: headless, or in a window.
 
-pub(crate) mod frames;
+#[doc(hidden)]
+pub mod frames;
 pub mod headless;
 pub(crate) mod log;
-pub(crate) mod plane;
-pub(crate) mod record;
-pub(crate) mod terminal;
+#[doc(hidden)]
+pub mod plane;
+#[doc(hidden)]
+pub mod record;
+#[doc(hidden)]
+pub mod terminal;
 #[cfg(feature = "window")]
-pub(crate) mod window;
+#[doc(hidden)]
+pub mod window;
 
 pub use frames::FrameStats;

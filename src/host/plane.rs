@@ -20,7 +20,8 @@ const MANY_PIXELS: usize = 1 << 20;
 
 /// Kind of output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Film {
+#[doc(hidden)]
+pub enum Film {
     /// The last moment, with the whole path.
     Picture,
     /// The whole flight.
@@ -32,7 +33,8 @@ impl Film {
     ///
     /// # Errors
     /// Returns status 2 for an extension other than `.png` and `.gif`.
-    pub(crate) fn check(out: &Path) -> Result<Self> {
+    #[doc(hidden)]
+    pub fn check(out: &Path) -> Result<Self> {
         match out.extension().map(|e| e.to_string_lossy().to_lowercase()).as_deref() {
             Some("png") => Ok(Self::Picture),
             Some("gif") => Ok(Self::Film),
@@ -48,7 +50,8 @@ impl Film {
 ///
 /// # Errors
 /// Returns status 2 for an unknown extension, 4 if interrupted, 5 if the output cannot be written.
-pub(crate) fn fly(flight: &mut Flight, out: &Path, progress: &Progress) -> Result<()> {
+#[doc(hidden)]
+pub fn fly(flight: &mut Flight, out: &Path, progress: &Progress) -> Result<()> {
     let film = Film::check(out)?;
     let mut painter = Painter::new(flight);
     let scale = Painter::scale_for(flight, SIZE);

@@ -26,7 +26,8 @@ pub(crate) fn write_png(path: &Path, frame: &Frame) -> Result<()> {
 ///
 /// # Errors
 /// Returns status 5 if it cannot be written.
-pub(crate) fn write_grey_png(path: &Path, pixels: &[u8], [width, height]: [usize; 2]) -> Result<()> {
+#[doc(hidden)]
+pub fn write_grey_png(path: &Path, pixels: &[u8], [width, height]: [usize; 2]) -> Result<()> {
     output::write_whole(path, |w| {
         png::encode(w, pixels, [width, height], png::ColorType::Grayscale, png::Compression::Fast)
     })

@@ -21,7 +21,8 @@ pub struct Bar {
 
 impl Bar {
     /// Starts to show `progress`.
-    pub(crate) fn show(progress: &Arc<Progress>) -> Self {
+    #[doc(hidden)]
+    pub fn show(progress: &Arc<Progress>) -> Self {
         let stop = Arc::new(AtomicBool::new(false));
         let thread = std::io::stderr().is_terminal().then(|| {
             let (stop, progress) = (Arc::clone(&stop), Arc::clone(progress));

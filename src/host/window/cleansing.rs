@@ -41,7 +41,8 @@ pub(crate) struct Cleansing {
 
 /// What finding the scan without tag took, for the statistics.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub(crate) struct Took {
+#[doc(hidden)]
+pub struct Took {
     /// What was taken out.
     pub text: String,
     /// From the begin of the work until both scans were at hand, s.

@@ -6,14 +6,16 @@ use super::shell::Wake;
 use crate::panics::catch_panic;
 
 /// A display on which a window can be opened.
-pub(crate) struct Display(pub(super) EventLoop<Wake>);
+#[doc(hidden)]
+pub struct Display(pub(super) EventLoop<Wake>);
 
 impl Display {
     /// Opens the display of this session; `None` if there is none or it cannot be used. Call it once, on the program's first
     /// thread.
     ///
     /// A Wayland display is preferred. If its compositor does not answer, and there is an X display, that is used, with a note.
-    pub(crate) fn open() -> Option<Self> {
+    #[doc(hidden)]
+    pub fn open() -> Option<Self> {
         let set = |name: &str| std::env::var_os(name).is_some_and(|v| !v.is_empty());
         if cfg!(all(unix, not(target_os = "macos")))
             && !["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"].map(set).contains(&true)

@@ -16,7 +16,8 @@ use crate::progress::Progress;
 use crate::volume::Volume;
 
 /// A flight that is ready to start.
-pub(crate) struct Ready {
+#[doc(hidden)]
+pub struct Ready {
     /// The flight.
     pub flight: FlightApp,
     /// The file of the scan's session; `None` on a system that defines no folder for it.
@@ -33,21 +34,23 @@ pub(crate) struct Ready {
 
 impl Ready {
     /// Says that the flight reads the whole colon. It goes on where it was left if that flight did so, too, and else begins anew.
-    pub(crate) fn whole(self, was_whole: bool) -> Self {
+    #[doc(hidden)]
+    pub fn whole(self, was_whole: bool) -> Self {
         Self { is_whole: true, is_anew: !was_whole, ..self }
     }
 }
 
-#[cfg(test)]
 impl Ready {
     /// Returns the file of the scan's session.
-    pub(crate) fn session_file(&self) -> Option<&std::path::Path> {
+    #[doc(hidden)]
+    pub fn session_file(&self) -> Option<&std::path::Path> {
         self.session.as_deref()
     }
 }
 
 /// A scan that cannot be flown, or not from where it was to be.
-pub(crate) struct Unflown {
+#[doc(hidden)]
+pub struct Unflown {
     /// Why not.
     pub why: Error,
     /// Prepares a flight that starts in the gas at a place, world mm.
@@ -59,17 +62,20 @@ pub(crate) type StartAt = Box<dyn Fn(DVec3) -> Prepare + Send>;
 
 /// Location of a scan's session.
 #[derive(Clone)]
-pub(crate) struct SessionFile(Option<PathBuf>);
+#[doc(hidden)]
+pub struct SessionFile(Option<PathBuf>);
 
 impl SessionFile {
     /// Determines the session file of `volume`. Call it with the scan as loaded, since the flight may use a copy whose fluid
     /// counts as free.
-    pub(crate) fn of(volume: &Volume) -> Self {
+    #[doc(hidden)]
+    pub fn of(volume: &Volume) -> Self {
         Self(session::file(volume))
     }
 
     /// Returns the kinds that the reader gave to gas when the scan was open before. A file that cannot be read is reported.
-    pub(crate) fn told(&self) -> Vec<Told> {
+    #[doc(hidden)]
+    pub fn told(&self) -> Vec<Told> {
         let read = self.0.as_deref().and_then(session::kinds_file).map_or(Ok(Vec::new()), |path| told::read(&path));
         read.unwrap_or_else(|e| {
             output::to_stderr(format_args!("note: {e}"));
@@ -78,24 +84,28 @@ impl SessionFile {
     }
 
     /// True if the whole colon was read when the scan was closed, and not to its end. A file that cannot be read is told of later.
-    pub(crate) fn was_whole(&self) -> bool {
+    #[doc(hidden)]
+    pub fn was_whole(&self) -> bool {
         let read = self.0.as_deref().map(session::Session::read);
         read.and_then(Result::ok).flatten().is_some_and(|s| s.is_whole())
     }
 
     /// Combines the session file with the scan's flight.
-    pub(crate) fn ready(self, flight: FlightApp, notes: Vec<String>) -> Ready {
+    #[doc(hidden)]
+    pub fn ready(self, flight: FlightApp, notes: Vec<String>) -> Ready {
         Ready { flight, session: self.0, notes, unflown: None, is_whole: false, is_anew: false }
     }
 
     /// Combines the session file with the scan's slices, because there is no flight.
-    pub(crate) fn unflown(self, at_rest: FlightApp, notes: Vec<String>, why: Error, start_at: StartAt) -> Ready {
+    #[doc(hidden)]
+    pub fn unflown(self, at_rest: FlightApp, notes: Vec<String>, why: Error, start_at: StartAt) -> Ready {
         Ready { unflown: Some(Unflown { why, start_at }), ..self.ready(at_rest, notes) }
     }
 }
 
 /// A function that creates a flight.
-pub(crate) type Prepare = Box<dyn FnOnce(&Arc<Progress>) -> Result<Ready> + Send>;
+#[doc(hidden)]
+pub type Prepare = Box<dyn FnOnce(&Arc<Progress>) -> Result<Ready> + Send>;
 
 /// A flight that is being prepared.
 pub(crate) struct Loading(Job<Ready>);

@@ -33,7 +33,8 @@ pub mod panels;
 mod photograph;
 mod place;
 mod placement;
-pub(crate) mod plane;
+#[doc(hidden)]
+pub mod plane;
 mod present_timer;
 mod printed;
 mod recent;
@@ -71,22 +72,31 @@ use crate::progress::Progress;
 use crate::render::ImageSize;
 use crate::schedule::Guides;
 use actions::{Actions, KeySettings};
-pub(crate) use display::Display;
-pub(crate) use loading::{Prepare, Ready, SessionFile};
-pub(crate) use moving::Moving;
+#[doc(hidden)]
+pub use assistant::Took as AssistantTook;
+#[doc(hidden)]
+pub use cleansing::Took as CleansingTook;
+#[doc(hidden)]
+pub use display::Display;
+pub use loading::{Prepare, Ready, SessionFile, Unflown};
+#[doc(hidden)]
+pub use moving::{Interval, Moving, Side};
 pub(crate) use painter::{Marker, pixels_a_point};
 use panels::{ActionEntry, PanelEntry};
-pub(crate) use present_timer::PresentMs;
+#[doc(hidden)]
+pub use present_timer::PresentMs;
 use settings::Settings;
 use shell::{Shell, Wake};
-pub(crate) use workspace::slices_of;
+#[doc(hidden)]
+pub use workspace::slices_of;
 
 /// Returns all default keys of the window with their descriptions, in the order of its help. The user's settings file is not
 /// applied.
 ///
 /// # Errors
 /// Returns status 2 if two actions share a key.
-pub(crate) fn key_help(
+#[doc(hidden)]
+pub fn key_help(
     guides: &Guides,
     overlays: &[Overlay],
     panels: &[PanelEntry],
@@ -99,7 +109,8 @@ pub(crate) fn key_help(
 ///
 /// # Errors
 /// Returns status 2 if two actions share a key without any settings.
-pub(crate) fn action_list(
+#[doc(hidden)]
+pub fn action_list(
     guides: &Guides,
     overlays: &[Overlay],
     panels: &[PanelEntry],
@@ -112,12 +123,8 @@ pub(crate) fn action_list(
 ///
 /// # Errors
 /// Returns status 2 if two actions share a key.
-pub(crate) fn key_page(
-    guides: &Guides,
-    overlays: &[Overlay],
-    panels: &[PanelEntry],
-    more: &[ActionEntry],
-) -> Result<String> {
+#[doc(hidden)]
+pub fn key_page(guides: &Guides, overlays: &[Overlay], panels: &[PanelEntry], more: &[ActionEntry]) -> Result<String> {
     let groups = Actions::of(guides, overlays, panels, more, &KeySettings::new())?.groups();
     let wide = groups.iter().flat_map(|g| &g.rows).map(|r| r.keys.chars().count()).max().unwrap_or(0);
     let group = |g: &actions::Group| {
@@ -128,12 +135,14 @@ pub(crate) fn key_page(
 }
 
 /// True if the user's settings open every scan with one flight through the whole colon.
-pub(crate) fn opens_whole() -> bool {
+#[doc(hidden)]
+pub fn opens_whole() -> bool {
     settings::opens() == settings::Opens::Whole
 }
 
 /// Returns the path of the user's window settings, if the system defines a folder for them.
-pub(crate) fn settings_file() -> Option<PathBuf> {
+#[doc(hidden)]
+pub fn settings_file() -> Option<PathBuf> {
     settings::file()
 }
 
@@ -170,7 +179,8 @@ pub(crate) type Finish = Box<dyn FnOnce(&FlightApp, &[FrameStats], &Shown) -> Re
 
 /// How a window showed its pictures, for the statistics. Parts that did not happen are omitted.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
-pub(crate) struct Shown {
+#[doc(hidden)]
+pub struct Shown {
     /// From the finished image to the presented one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub present_ms: Option<PresentMs>,
@@ -187,7 +197,8 @@ pub(crate) struct Shown {
 
 /// What a reader asks to be opened.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Asked {
+#[doc(hidden)]
+pub struct Asked {
     /// Path of the scan; `None` for the embedded phantom.
     pub input: Option<PathBuf>,
     /// A series in a folder that holds several.
@@ -200,7 +211,8 @@ pub(crate) struct Asked {
 }
 
 /// A scan to open in a window.
-pub(crate) struct Opening {
+#[doc(hidden)]
+pub struct Opening {
     /// Path of the scan; `None` for the embedded phantom.
     pub input: Option<PathBuf>,
     /// The number of the series that was asked for, in a folder that holds several.
@@ -218,7 +230,8 @@ pub(crate) struct Opening {
 }
 
 /// Content and configuration of a window.
-pub(crate) struct Launch {
+#[doc(hidden)]
+pub struct Launch {
     /// The scan to open first.
     pub first: Opening,
     /// Opens another scan, or the same in another way.
@@ -241,7 +254,8 @@ pub(crate) struct Launch {
 
 /// State to restore from the last time that a scan was open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Resume {
+#[doc(hidden)]
+pub enum Resume {
     /// Position, speed and guide.
     Everything,
     /// Position and speed: the guide was selected on the command line.
@@ -264,7 +278,8 @@ impl Resume {
 /// # Errors
 /// Returns the error of the preparation, the outputs or `finish`, and status 4 if interrupted or cancelled while loading. Outputs
 /// are complete in any case.
-pub(crate) fn run(display: Display, launch: Launch, progress: &Arc<Progress>) -> Result<()> {
+#[doc(hidden)]
+pub fn run(display: Display, launch: Launch, progress: &Arc<Progress>) -> Result<()> {
     let proxy = display.0.create_proxy();
     let (interrupted, wake) = (Arc::clone(progress), proxy.clone());
     // The event loop sleeps while nothing happens, so a separate thread checks. It ends with the program.

@@ -10,7 +10,8 @@ const KEPT: usize = 216_000;
 
 /// Statistics of pictures of a moving camera in a window.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(crate) struct Moving {
+#[doc(hidden)]
+pub struct Moving {
     /// Number of pictures.
     pub pictures: usize,
     /// Side of the rendered picture relative to the window's.
@@ -21,7 +22,8 @@ pub(crate) struct Moving {
 
 /// Relative sides of pictures, 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(crate) struct Side {
+#[doc(hidden)]
+pub struct Side {
     /// Half of the pictures are at least this large.
     pub median: f64,
     /// 99 % of the pictures are at least this large.
@@ -30,7 +32,8 @@ pub(crate) struct Side {
 
 /// Times between pictures, ms.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(crate) struct Interval {
+#[doc(hidden)]
+pub struct Interval {
     /// Half of the intervals are at most this long.
     pub median: f64,
     /// 99 % of the intervals are at most this long.

@@ -59,7 +59,8 @@ struct Shell {
 ///
 /// # Errors
 /// Returns status 1 if the window fails, 4 if interrupted.
-pub(crate) fn run(display: Display, flight: Flight, progress: &Arc<Progress>) -> Result<()> {
+#[doc(hidden)]
+pub fn run(display: Display, flight: Flight, progress: &Arc<Progress>) -> Result<()> {
     let painter = Painter::new(&flight);
     let mut shell = Shell {
         flight,

@@ -9,7 +9,8 @@ const KEPT: usize = 216_000;
 
 /// Time from the finished image to the presented one, ms: the overlay, the copy and the call to the window system.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(crate) struct PresentMs {
+#[doc(hidden)]
+pub struct PresentMs {
     /// Half of the presentations took at most this time.
     pub median: f64,
     /// 99 % of the presentations took at most this time.

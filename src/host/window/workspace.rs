@@ -127,7 +127,8 @@ impl Split {
 }
 
 /// Returns the slices that a layout shows by default, by its name. Empty if the layout does not exist.
-pub(crate) fn slices_of(layout: &str) -> Vec<Orientation> {
+#[doc(hidden)]
+pub fn slices_of(layout: &str) -> Vec<Orientation> {
     let Some(entry) = LAYOUTS.iter().find(|l| l.name == layout) else { return Vec::new() };
     let panels = [
         (slices::AXIAL, Orientation::Axial),

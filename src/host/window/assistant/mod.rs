@@ -55,7 +55,8 @@ pub(crate) enum State<'a> {
 
 /// What a search took, for the statistics.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub(crate) struct Took {
+#[doc(hidden)]
+pub struct Took {
     /// Number of listed candidates.
     pub candidates: usize,
     /// From the begin of the search until the list was there, s.

@@ -1,0 +1,25 @@
+//! What drives a flight of `colvis`, which re-exports it.
+
+#[path = "mod.rs"]
+pub mod host;
+#[cfg(test)]
+#[path = "../../tests/support/shared.rs"]
+mod shared;
+
+pub(crate) use colvis_app as app;
+#[cfg(feature = "window")]
+pub(crate) use colvis_flight::coverage;
+#[cfg(test)]
+pub(crate) use colvis_flight::testing;
+pub(crate) use colvis_flight::{components, schedule, systems};
+pub(crate) use colvis_imaging::render;
+#[cfg(feature = "window")]
+pub(crate) use colvis_imaging::{polyps, space};
+#[cfg(feature = "window")]
+pub(crate) use colvis_kernels::{dynamics, fields};
+#[cfg(test)]
+pub(crate) use colvis_phantom as phantom;
+pub(crate) use colvis_plane as plane;
+pub(crate) use colvis_scan::{error, output, progress};
+#[cfg(feature = "window")]
+pub(crate) use colvis_scan::{math, panics, volume};
