@@ -56,6 +56,7 @@
 //! | feature | what it adds | without it |
 //! |---|---|---|
 //! | `window` (default) | the interactive window, the modules `panel` and `egui` | every flight is headless, and recordings contain no overlays |
+//! | `report` (default) | measurements on this machine, as pages with plots | `colvis report` names the feature that it needs |
 //! | `dicom` (default) | DICOM series and their codecs | NIfTI, MetaImage, NRRD and PNG slices are still read |
 //!
 //! # Extend it
@@ -120,16 +121,12 @@
 //! ```toml
 //! [profile.dev.package]
 //! "*" = { opt-level = 1, debug = false }
-//! colvis = { opt-level = 3, debug = false }
 //! colvis-app = { opt-level = 3, debug = false }
 //! colvis-flight = { opt-level = 3, debug = false }
-//! colvis-host = { opt-level = 3, debug = false }
 //! colvis-imaging = { opt-level = 3, debug = false }
 //! colvis-kernels = { opt-level = 3, debug = false }
 //! colvis-phantom = { opt-level = 3, debug = false }
-//! colvis-plane = { opt-level = 3, debug = false }
 //! colvis-scan = { opt-level = 3, debug = false }
-//! bevy_ecs = { opt-level = 3, debug = false }
 //! zlib-rs = { opt-level = 3, debug = false }
 //! ```
 //!
@@ -214,6 +211,7 @@ pub use colvis_kernels::{dynamics, fields};
 pub use colvis_phantom as phantom;
 #[doc(inline)]
 pub use colvis_plane as plane;
+#[cfg(feature = "report")]
 #[doc(inline)]
 pub use colvis_report::report;
 #[doc(inline)]

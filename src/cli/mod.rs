@@ -15,6 +15,7 @@ mod phantom_args;
 mod plane;
 mod prepare;
 mod render;
+#[cfg(feature = "report")]
 mod report;
 mod segment;
 mod slice;
@@ -431,7 +432,12 @@ fn run(program: &Program, args: Args) -> Result<()> {
         Some(Command::Explain(a)) => explain::run(program, &a, &global, &progress),
         Some(Command::Centerline(a)) => centerline::run(&a, &global, &progress),
         Some(Command::Plane(a)) => plane::run(&a, &progress),
+        #[cfg(feature = "report")]
         Some(Command::Report(a)) => report::run(program, &a, &global, &progress),
+        #[cfg(not(feature = "report"))]
+        Some(Command::Report(_)) => {
+            Err(Error::usage("report", "is not part of this program", "build colvis with its feature `report`"))
+        }
         Some(Command::Own { name, matches }) => {
             let session = Session { program, global: &global, progress: &progress };
             let own = program.commands.iter().find(|c| c.name == name);

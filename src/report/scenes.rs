@@ -369,7 +369,7 @@ mod tests {
 
     #[test]
     fn shipped_scenes_are_those_of_the_folder() {
-        let mut files: Vec<String> = std::fs::read_dir("assets/scenes")
+        let mut files: Vec<String> = std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/scenes"))
             .unwrap()
             .map(|e| e.unwrap().path().file_stem().unwrap().to_str().unwrap().to_owned())
             .collect();

@@ -131,7 +131,7 @@ fn the_profile_for_dependents_names_packages_of_this_build() {
     let table: toml::Table = profile.parse().unwrap();
     let packages = table["profile"]["dev"]["package"].as_table().unwrap();
     let lock = read_to_string("Cargo.lock").unwrap();
-    assert!(packages.contains_key("colvis") && packages.contains_key("*"));
+    assert!(packages.contains_key("colvis-kernels") && packages.contains_key("*"));
     for name in packages.keys().filter(|n| *n != "*") {
         assert!(lock.contains(&format!("name = \"{name}\"")), "{name}");
     }

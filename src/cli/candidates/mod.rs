@@ -71,6 +71,7 @@ fn check_outputs(args: &CandidatesArgs) -> Result<()> {
 }
 
 #[cfg(test)]
+#[cfg(feature = "report")]
 mod tests {
     use glam::DVec3;
     use serde_json::Value;

@@ -866,7 +866,7 @@ mod tests {
             !is_word && is_told && is_upper && word.parse().is_ok_and(|key| all.of_key(&key).is_some())
         };
         assert!(["(T", "Ctrl+Z", "Esc"].map(is_key) == [true; 3] && ["t", "Next", "3"].map(is_key) == [false; 3]);
-        let window = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/host/window");
+        let window = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("window");
         let (mut folders, mut files) = (vec![window], 0);
         while let Some(folder) = folders.pop() {
             for entry in std::fs::read_dir(&folder).unwrap() {

@@ -166,11 +166,14 @@ fn write(path: &Path, picture: &Frame) {
     std::fs::write(path, out).unwrap();
 }
 
+/// The folder of the stored pictures.
+const PICTURES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/panels");
+
 /// Compares a picture with the stored one, or stores it.
 fn hold(name: &str, picture: &Frame) {
-    let path = Path::new("tests/panels").join(format!("{name}.png"));
+    let path = Path::new(PICTURES).join(format!("{name}.png"));
     if std::env::var_os("COLVIS_REPLACE").is_some() {
-        std::fs::create_dir_all("tests/panels").unwrap();
+        std::fs::create_dir_all(PICTURES).unwrap();
         write(&path, picture);
         return;
     }
