@@ -132,29 +132,53 @@
 //!
 //! # Glossary
 //!
+//! Help, statistics, messages and the window use one word for one thing: that of the first column, and none of the last. A test compares
+//! them with this table.
+//!
+//! | word | means | not |
+//! |---|---|---|
+//! | segment | a connected piece of the colon's gas; fluid or a collapsed stretch separates it from the next | piece of gas, stretch of gas, pocket of gas |
+//! | part | a named part of the colon, such as the sigmoid | section of the colon, region of the colon |
+//! | body | connected gas of any origin, before it is known to be colon | blob, region of gas |
+//! | kind | what a body of gas is: colon, small bowel, stomach, lung, … | type of gas, class of gas |
+//! | centerline | the line through the middle of the lumen, rectum to cecum | centreline, center line, colon's line |
+//! | along | a distance along the centerline of the whole colon, from the rectum | distance from the rectum, way from the rectum |
+//! | place | a point of the scan that a message names or the user points at | spot, location |
+//! | not seen | wall that has not been seen until now, whether passed or ahead | unobserved, uncovered |
+//! | missed | wall that the flight has passed and not seen | overlooked, skipped wall |
+//! | patch | a connected area of the wall that was missed | missed area, missed region |
+//! | review | a flight past the missed patches | revisit |
+//! | cleansed | with the colon's tagged fluid and stool replaced by gas, and the wall beneath restored | electronically cleaned, subtracted |
+//! | as scanned | not cleansed | uncleansed |
+//! | candidate | a place of the wall that looks like a polyp | suspect, finding of the detector |
+//! | lesion | what is measured at a place of the wall | growth |
+//! | guide | a steering (navigation) method | navigator, autopilot |
+//! | operator | the person at the window, or recorded input in that person's place | pilot |
+//! | preset | a named renderer | rendering mode |
+//! | view angle | the angle over the shorter side of an image | angle of view |
+//!
 //! The colon and its scan:
 //!
 //! - **Lumen**: the inside of the colon, gas and tagged fluid: [`fields::lumen`].
-//! - **Segment**: a connected piece of the lumen's gas. Fluid or a collapsed stretch separates one segment from the next.
 //! - **Tagged fluid**: fluid that a contrast agent brightens, so that it can be distinguished from tissue.
 //! - **Haustra**: the pouches of the colon between its folds. **Taeniae**: the three bands of muscle along it.
-//! - **Gap**: where the gas of the colon is interrupted, by fluid or because the lumen is collapsed. The way across a collapsed
+//! - **Limb**: a length of the colon that lies beside another one.
+//! - **Gap**: where the gas of the colon is interrupted, by fluid or because the lumen is collapsed. The connection across a collapsed
 //!   stretch is a **guess**: [`fields::connection`].
 //! - **Residue**: material left in a cleaned colon. A **bridge** is a thin strand of it across the lumen.
-//! - **Centerline**: the line through the middle of the lumen from one end to the other: [`fields::centerline`].
+//! - **Centerline**: [`fields::centerline`]. **Along**: [`fields::Along`].
 //! - **Wall**: the surface where the interpolated value crosses the middle of the opacity ramp, −650 HU by default.
 //! - **Wall distance**, D_s: the distance of a point to the wall, as a field over the lumen: [`fields::WallDistance`].
 //! - **Target distance**, D_t: the distance of a point to the goal along the lumen: [`fields::TargetDistance`].
 //! - **Clearance**: the exact distance from one point to the wall, computed from the voxels around it and never overestimated:
 //!   [`fields::ClearanceFinder`].
 //! - **Phantom**: a synthetic colon with known ground truth: [`phantom`].
-//!
-//! - **Polyp candidate**: a place of the wall that looks like a polyp: [`polyps`]. A **detector** finds them. A **cap** is a part of
-//!   the wall that bulges into the lumen in every direction.
+//! - **Candidate**: [`polyps`]. A **detector** finds candidates. A **cap** is a part of the wall that bulges into the lumen in every
+//!   direction.
 //!
 //! The flight:
 //!
-//! - **Guide**: a steering (navigation) method: [`schedule::Guide`].
+//! - **Guide**: [`schedule::Guide`]. **Look**, or gaze: where the camera looks, independent of where it flies: [`schedule::Look`].
 //! - **Tentacles**: sensory rays in all directions that report the distance to the wall to a guide: [`dynamics::tentacles`].
 //! - **Mines**: points laid behind the camera that push it forward, so that it does not turn back: [`dynamics::mines`].
 //! - **Potential**: the paper's V(x). The wall repels, the target attracts: [`dynamics::potential`].
@@ -168,8 +192,8 @@
 //! - **Clamp**: shortens a step to the length that the clearance allows.
 //! - **Trap**: a place where a flight makes no progress, such as a blind end or a local minimum: [`dynamics::trap`].
 //! - **Rescue**: the attempt to leave a trap before the operator is called: [`dynamics::rescue`].
-//! - **Operator**: the person at the window, or a recorded input in that person's place.
-//! - **Coverage**: the share of the wall that was seen: [`coverage`].
+//! - **Coverage**: the share of the wall that was seen: [`coverage`]. A **tour** is the order in which a review visits the missed patches,
+//!   its **stops**.
 //!
 //! The picture:
 //!
@@ -181,7 +205,7 @@
 //! - **Homogeneous-region flag**: one bit per voxel, set if nothing changes around it.
 //! - **Early ray termination**: a ray ends when the light from beyond falls below the camera's sensitivity.
 //! - **Layer**, or surface hit: one of the surfaces that a ray meets one behind the other.
-//! - **Preset**: a named renderer: [`render::Preset`]. **Quality**: the level of detail of its pictures: [`render::Quality`].
+//! - **Preset**: [`render::Preset`]. **Quality**: the level of detail of its images: [`render::Quality`].
 //! - **Packet**: sixteen neighbouring rays that are traced together.
 //! - **Adaptive image-plane sampling**: traces rays only through those pixels that cannot be derived from the pixels around them.
 //! - **Reuse**: takes over the parts of the last frame that provably hold in this one. **Key frame**: a frame rendered without

@@ -8,6 +8,7 @@ mod commands;
 mod doors;
 mod examples;
 mod extremes;
+mod glossary;
 mod layers;
 mod leftovers;
 mod outside;

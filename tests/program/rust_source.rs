@@ -22,7 +22,7 @@ impl SourceFile {
     /// Reads a module's file.
     pub(crate) fn read(path: &Path, module: Vec<String>) -> Self {
         let text = std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-        let code = without_tests(&without_literals(&text));
+        let code = without_tests(&without_literals(&text, b' '));
         Self { path: path.to_owned(), module, text, code }
     }
 
@@ -54,8 +54,29 @@ impl SourceFile {
     }
 }
 
-/// Blanks comments and literals.
-fn without_literals(text: &str) -> String {
+/// Returns the string literals of a source outside tests, each with its line. Escapes stay as they are written, but for a line that goes
+/// on in the next one.
+pub(crate) fn literals(text: &str) -> Vec<(usize, String)> {
+    // Strings are marked by a byte that no source has, so that they can be found once comments and tests are blanked.
+    const MARK: u8 = 1;
+    let code = without_tests(&without_literals(text, MARK));
+    let (code, mut all, mut n) = (code.as_bytes(), Vec::new(), 0);
+    while n < code.len() {
+        let length = code[n..].iter().take_while(|b| **b == MARK || **b == b'\n').count();
+        let is_string = code[n] == MARK;
+        if is_string {
+            let raw = text[n..n + length].trim_end().trim_start_matches('r').trim_matches('#');
+            let lines: Vec<&str> = raw.trim_matches('"').split("\\\n").collect();
+            let rest = lines.iter().skip(1).map(|l| l.trim_start());
+            all.push((text[..n].lines().count().max(1), lines[..1].iter().copied().chain(rest).collect()));
+        }
+        n += if is_string { length } else { 1 };
+    }
+    all
+}
+
+/// Blanks comments and character literals, and fills string literals with this byte.
+fn without_literals(text: &str, string_mark: u8) -> String {
     let bytes = text.as_bytes();
     let mut out = bytes.to_vec();
     let mut n = 0;
@@ -77,7 +98,8 @@ fn without_literals(text: &str) -> String {
         } else {
             0
         };
-        out[n..n + length].iter_mut().filter(|b| **b != b'\n').for_each(|b| *b = b' ');
+        let mark = if rest.starts_with(['"', 'r']) { string_mark } else { b' ' };
+        out[n..n + length].iter_mut().filter(|b| **b != b'\n').for_each(|b| *b = mark);
         n += length.max(rest.chars().next().map_or(1, char::len_utf8));
     }
     String::from_utf8(out).unwrap()
