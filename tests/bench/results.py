@@ -3,14 +3,15 @@
 
     cargo build --release
     python3 tests/bench/results.py [--scan SCAN] [--vtk "COMMAND"] [--fields-peer "COMMAND"] [--display "COMMAND"]
-                                   [--parts frames,window,flights,fields,render,gradients,scenes,dynamics,perforation,cleansing,coverage,candidates,
-                                   faults]
+                                   [--parts frames,window,flights,fields,coverage,candidates,cleansing,perforation,render,gradients,dynamics,
+                                   scenes,faults]
                                    [--mutants FOLDER] [--quick] [--check N] [--colvis BINARY] [--keep FOLDER] [--out RESULTS.md]
 
 This script builds nothing. It runs the program (`--colvis`, else the environment variable COLVIS, else target/release/colvis)
-and the scripts frames.py, flights.py and fields.py in the same folder. Each table on the page follows the command that made it.
-The page marks what this run did not measure; it never reuses numbers from an earlier run. A full run takes some hours on two
-cores, --quick some minutes. Leave the machine otherwise idle during the run.
+and the scripts frames.py, flights.py and fields.py in the same folder. The page begins with what is asked most, then has a section for
+each part: its command, its findings, and the tables that a reader compares. All other tables are CSV files of the reports; --keep keeps
+them. The page marks what this run did not measure; it never reuses numbers from an earlier run. A full run takes some hours on two cores,
+--quick some minutes. Leave the machine otherwise idle during the run.
 
 --scan         measures a CT colonography in addition to the phantoms, which the program generates
 --vtk          compares frames with another renderer; the command takes `SCAN POSES --size N --threads N`, see frames.py
@@ -35,9 +36,6 @@ import shlex
 import subprocess
 import sys
 import tempfile
-
-# Tables with more rows than this are collapsed.
-LONG = 30
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
@@ -114,13 +112,28 @@ def cell(value):
 def table(head, rows):
     """A Markdown table."""
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-    lines += ["| " + " | ".join(cell(c) for c in row) + " |" for row in rows]
-    text = "\n".join(lines)
-    return text if len(rows) <= LONG else f"<details><summary>{len(rows)} rows</summary>\n\n{text}\n\n</details>"
+    return "\n".join(lines + ["| " + " | ".join(cell(c) for c in row) + " |" for row in rows])
 
 
-def command_block(text):
-    return f"```sh\n{text}\n```"
+def pick(head, rows, columns):
+    """These columns of a table, in this order, as far as it has them."""
+    at = [head.index(c) for c in columns if c in head]
+    return [head[n] for n in at], [[r[n] for n in at] for r in rows]
+
+
+def beside(tables, key, columns):
+    """One table from those of several subjects: a row for each value of `key`, the columns of each subject beside those of the others."""
+    keys = list(dict.fromkeys(r[head.index(key)] for _, (head, rows) in tables for r in rows))
+    body = [[k] for k in keys]
+    for _, (head, rows) in tables:
+        found = {r[head.index(key)]: r for r in rows}
+        for line in body:
+            line += [found[line[0]][head.index(c)] if line[0] in found else None for c in columns]
+    return table([key, *(f"{name}: {c}" for name, _ in tables for c in columns)], body)
+
+
+def command_block(*commands):
+    return "```sh\n" + "\n".join(commands) + "\n```"
 
 
 def findings(text):
@@ -151,6 +164,8 @@ class Bench:
         self.folder = folder
         self.small = args.quick
         self.scripts = 0
+        # What is asked most: the answer for each subject, by question.
+        self.answers = {}
 
     def at(self, name):
         return os.path.join(self.folder, name)
@@ -226,8 +241,9 @@ class Bench:
         scan = [("the scan", self.args.scan)] if self.args.scan else []
         return [("the phantom", self.phantom()[0]), *scan]
 
-    def without_scan(self):
-        return [] if self.args.scan else ["This run measured no patient scan (`--scan`)."]
+    def answer(self, question, subject, text):
+        """Notes an answer for the top of the page."""
+        self.answers.setdefault(question, {})[subject] = Text(text)
 
 
 # Parts ---------------------------------------------------------------------------------------------------------------
@@ -237,53 +253,54 @@ def frames(b):
     few = ["--poses", "24", "--sizes", "256,512"] if b.args.quick else ["--runs", "3"]
     peer = ["--vtk", b.args.vtk] if b.args.vtk else []
     check = ["--check", str(b.args.check)] if b.args.check else []
-    lines, rows, memory, failed = [], [], [], []
+    commands, rows, memory, failed = [], [], [], []
     for name, scan in b.subjects():
         found, command = b.script("frames", scan, *few, "--threads", b.args.threads, *check, *peer)
-        lines.append(command_block(command))
+        commands.append(command)
         for s in found["sizes"]:
-            other, least, psnr = s.get("peer", {}), s.get("least", {}), s.get("psnr", {})
-            of_least = least["p99_ms"] / least["median_ms"] if least else None
-            rows.append([name, f"{s['size']}×{s['size']}", s["median_ms"], s["p99_ms"], of_least, s["rays_a_pixel"],
-                         psnr.get("least_db"), psnr.get("mean_db"), other.get("median_ms"), other.get("ratio")])
+            other, psnr = s.get("peer", {}), s.get("psnr", {})
+            rows.append([name, f"{s['size']}×{s['size']}", s["median_ms"], s["p99_ms"], s["rays_a_pixel"],
+                         psnr.get("least_db"), other.get("median_ms"), other.get("ratio")])
             if s.get("peer_failed"):
                 failed.append(f"VTK failed on {name} at {s['size']}×{s['size']}: {b.plain(s['peer_failed'])}.")
+        last, first = found["sizes"][-1], found["memory"][0]
+        size = f"{last['size']}×{last['size']}"
+        b.answer(f"a frame of {size}: median, p99", name, f"{cell(last['median_ms'])}, {cell(last['p99_ms'])} ms")
+        if "ratio" in last.get("peer", {}):
+            b.answer(f"times faster than VTK at {size}", name, cell(last["peer"]["ratio"]))
+        b.answer("first image after the scan is in memory", name, f"{cell(first['first_frame_s'])} s")
+        b.answer("peak memory of a headless flight with images", name, mib(first["peak_rss_bytes"]))
         for m in found["memory"]:
             memory.append([name, m["preset"], mib(m["peak_rss_bytes"]), m["first_frame_s"]])
         others = [s["peer"] for s in found["sizes"] if "peer" in s]
         if others:
-            first, peak = others[-1].get("first_frame_s"), max(o.get("peak_rss_mib", 0) for o in others)
-            memory.append([name, "VTK", f"{peak} MiB", first])
-    head = ["", "image", "median / ms", "p99 / ms", "p99 / median, by pose", "rays a pixel",
-            "PSNR, least / dB", "PSNR, mean / dB", "VTK, median / ms", "ratio"]
-    lines += [table(head, rows), "The poses are spread over a flight through the whole lumen. *p99 / median, by pose* uses each pose's "
-              "shortest time of several runs, which excludes other load on the machine. PSNR is against brute force. "
-              "The VTK command decides how many of the poses VTK renders."]
-    if not b.args.vtk:
-        lines.append("This run measured no other renderer (`--vtk`).")
-    if not b.args.check:
-        lines.append("This run compared no pose with brute force (`--check`). The section *Renderers* lists errors.")
-    lines += [table(["", "preset", "peak memory, headless flight with images", "scan in memory → first image / s"], memory)]
-    return lines + failed + b.without_scan()
+            memory.append([name, "VTK", f"{max(o.get('peak_rss_mib', 0) for o in others)} MiB", others[-1].get("first_frame_s")])
+    head = ["", "image", "median / ms", "p99 / ms", "rays a pixel", "PSNR, least / dB", "VTK, median / ms", "ratio"]
+    missing = ["another renderer (`--vtk`)"] * (not b.args.vtk) + ["the error of these poses (`--check`; see *Renderers*)"] * (not b.args.check)
+    lines = [command_block(*commands), table(head, rows), "The poses are spread over a flight through the whole lumen. PSNR is against brute "
+             "force." + (f" This run did not measure {' and '.join(missing)}." if missing else "")]
+    return lines + [table(["", "preset", "peak memory, headless flight with images", "scan in memory → first image / s"], memory)] + failed
 
 
 def window(b):
     if not b.args.display and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise Missing("no screen is available (`--display`)")
     side, seconds = (512, "3") if b.args.quick else (1024, "10")
-    rows, lines = [], []
+    rows, commands = [], []
     for name, scan in b.subjects():
         stats = b.at("window.json")
         command = [b.args.colvis, "fly", scan, "--size", f"{side}x{side}", "--seconds", seconds, "--layout", "flight", "--stats", stats]
         b.run([*shlex.split(b.args.display or ""), *command])
-        lines.append(command_block(b.shown(command)))
+        commands.append(b.shown(command))
         with open(stats, encoding="utf-8") as f:
             stats = json.load(f)
         ms = sorted(f["ms"] for f in stats["frames"])
         shown = stats.get("present_ms") or {}
         rows.append([name, len(ms), ms[len(ms) // 2], ms[int(len(ms) * 0.99)], shown.get("median"), shown.get("p99")])
+        b.answer(f"a window of {side}×{side}: frames a second, p99 of a frame", name,
+                 f"{len(ms) / float(seconds):.0f}, {cell(ms[int(len(ms) * 0.99)])} ms")
     head = ["", "frames", "median / ms", "p99 / ms", "presentation, median / ms", "presentation, p99 / ms"]
-    return [*lines, table(head, rows), *b.without_scan()]
+    return [command_block(*commands), table(head, rows)]
 
 
 def flights(b):
@@ -318,20 +335,26 @@ def flights(b):
     words = ("Each guide flies to the cecum and back. The phantoms have folds, polyps, fluid, bridges and noise. `tentacles` flies the "
              "largest segment of gas; `path` and `potential` treat segments joined by tagged fluid as one. *Wall seen*: of the area "
              "of the wall around the gas flown through, the share that was within 100 mm, inside a square image and not hidden.")
-    return [command_block(command), words, table(head, rows), *b.without_scan()]
+    for r in rows:
+        name = "the scan" if r[0] == "the scan" else "the phantom"
+        b.answer(f"flights by `{r[1]}` to the cecum and back; wall seen one way, both ways", name, f"{r[2]}; {cell(r[8])}, {cell(r[9])}")
+    return [command_block(command), words, table(head, rows)]
 
 
 def fields(b):
     rounds = ["--rounds", "1" if b.args.quick else "5", "--threads", b.args.threads]
     peer = ["--peer", b.args.fields_peer] if b.args.fields_peer else []
-    lines, rows = [], []
+    commands, lines, rows = [], [], []
     for name, scan in b.subjects():
         truth = ["--truth", b.phantom()[1]] if name == "the phantom" else []
         found, command = b.script("fields", scan, *truth, *rounds, *peer)
-        lines.append(command_block(command))
+        commands.append(command)
         prepare, off = found["prepare"], found.get("line_to_truth_mm", {})
         parts = [prepare.get(k) for k in ("lumen_s", "distance_s", "centerline_s")]
         rows.append([name, "colvis", *parts, found["sum_s"], mib(found["peak_rss_bytes"]), off.get("mean"), off.get("p95"), off.get("worst")])
+        b.answer("lumen, wall distance and centerline together", name, f"{cell(found['sum_s'])} s")
+        if off:
+            b.answer("mean error of the centerline", name, f"{cell(off.get('mean'))} mm")
         if "peer_failed" in found:
             lines.append(f"The other program failed on {name}: {b.plain(found['peer_failed'])}.")
         if "peer" in found:
@@ -341,58 +364,66 @@ def fields(b):
                          p.get("centerline_mean_mm"), p.get("centerline_p95_mm"), p.get("centerline_max_mm")])
     head = ["", "program", "lumen / s", "distance / s", "centerline / s", "sum / s", "peak memory",
             "line's error, mean / mm", "line's error, 95 % / mm", "line's error, worst / mm"]
-    lines += [table(head, rows), *b.without_scan()]
+    lines += [table(head, rows)]
     if not b.args.fields_peer:
         lines.append("This run measured no other program (`--fields-peer`).")
     read, said, command = b.report("fields", *(["--scan", b.args.scan] if b.args.scan else []))
-    lines += [command_block(command), findings(said)]
-    lines += [table(*read(name)) for name in ("distance-methods", "centerline-methods", "preparation")]
+    commands.append(command)
+    lines += [findings(said), table(*read("distance-methods")), table(*read("centerline-methods"))]
     head, rows = read("slices")
     skips, order, parts, status = (head.index(k) for k in ("skips", "segments in order", "parts in order", "exit status"))
     faults = [r for r in rows if r[status] != "0" or r[skips] != "0" or r[order] != "yes" or r[parts] != "yes"]
-    lines.append(f"### Thick slices, noise and thin walls: {len(faults)} of {len(rows)} volumes with a fault")
-    return lines + ([table(head, faults)] if faults else [])
+    lines.append(f"Thick slices, noise and thin walls: {len(faults)} of {len(rows)} volumes have a fault.")
+    return [command_block(*commands), *lines, *([table(head, faults)] if faults else [])]
+
+
+# The renderers on the page; the report has more.
+RENDERERS = ("reference h/8", "brute h", "high h/2", "high h", "low h", "filtered h/2", "preset colvis", "preset lean", "packets h", "default", "marching cubes")
 
 
 def render(b):
     read, said, command = b.report("render", *(["--scan", b.args.scan] if b.args.scan else []))
     lines = [command_block(command), findings(said)]
-    kept = ("method", "PSNR mean / dB", "PSNR worst / dB", "SSIM worst", "frame median / ms", "frame p99 / ms", "samples a ray",
-            "memory / 16-bit volume", "made ready in / s")
-    for subject, name in (("phantom", "The phantom"), ("scan", "The scan")):
-        try:
-            head, rows = read(f"{subject}-methods")
-        except FileNotFoundError:
-            continue
-        columns = [head.index(k) for k in kept if k in head]
-        lines += [f"### {name}: renderers", table([head[n] for n in columns], [[r[n] for n in columns] for r in rows])]
-        lines += [f"### {name}: the paper's claims", table(*read(f"{subject}-claims"))]
-        lines += [f"### {name}: value of each of the paper's ideas in its preset", table(*read(f"{subject}-worth"))]
-    for what, title in (("voxels", "Voxels"), ("threads", "Threads"), ("simd", "SIMD levels")):
-        lines += [f"### {title}, default preset", table(*read(f"phantom-{what}"))]
-    return lines + b.without_scan()
+    found = {}
+    for subject, name in (("phantom", "phantom"), ("scan", "scan")):
+        for what in ("methods", "worth", "claims"):
+            try:
+                found.setdefault(what, []).append((name, read(f"{subject}-{what}")))
+            except FileNotFoundError:
+                continue
+    methods = [(name, (head, [r for r in rows if r[head.index("method")] in RENDERERS])) for name, (head, rows) in found["methods"]]
+    for name, (head, rows) in methods:
+        default = next((r for r in rows if r[head.index("method")] == "default"), None)
+        if default:
+            b.answer("worst frame of the default preset against brute force", f"the {name}", f"{cell(default[head.index('PSNR worst / dB')])} dB")
+    lines += ["### Renderers", beside(methods, "method", ("frame median / ms", "PSNR worst / dB", "memory / 16-bit volume"))]
+    lines += ["### The paper's ideas, each in the paper's preset", beside(found["worth"], "idea", ("times faster",))]
+    name, (_, claims) = found["claims"][-1]
+    lines += [f"### The paper's claims, on the {name}", "\n".join(f"- *{r[0]}* {r[1]}" for r in claims)]
+    columns = ("frame median / ms", "of the first", "greatest difference")
+    rows = []
+    for what, title in (("voxels", ""), ("threads", " threads"), ("simd", "")):
+        rows += [[f"{r[0]}{title}", *r[1:]] for r in pick(*read(f"phantom-{what}"), (what, *columns))[1]]
+    lines += ["### The default preset by voxels, threads and SIMD level", table(["", *columns], rows)]
+    return lines
 
 
 def gradients(b):
     read, said, command = b.report("gradients")
     lines = [command_block(command), findings(said)]
-    for file, title in (("walls-cubic", "Walls, cubic voxels"), ("walls-1-1-3", "Walls, voxels 1:1:3"),
-                        ("marschner-lobb-cubic", "Marschner–Lobb signal, cubic voxels")):
-        _, rows = read(file)
-        noises = list(dict.fromkeys(r[1] for r in rows))
-        methods = list(dict.fromkeys(r[0] for r in rows))
-        value = {(r[0], r[1]): r[3] for r in rows}
-        time = {r[0]: r[2] for r in rows}
-        body = [[m, time[m], *(value.get((m, n)) for n in noises)] for m in methods]
-        lines += [f"### {title}", table(["estimator", "time / ns", *(f"error at noise {n} / °" for n in noises)], body)]
-    return lines
+    _, rows = read("walls-cubic")
+    noises = list(dict.fromkeys(r[1] for r in rows))
+    methods = list(dict.fromkeys(r[0] for r in rows))
+    value = {(r[0], r[1]): r[3] for r in rows}
+    time = {r[0]: r[2] for r in rows}
+    body = [[m, time[m], *(value.get((m, n)) for n in noises)] for m in methods]
+    return [*lines, table(["estimator", "time / ns", *(f"error at noise {n} / °" for n in noises)], body), "Walls, cubic voxels."]
 
 
 def scenes(b):
     read, said, command = b.report("scenes")
     lines = [command_block(command), findings(said)]
-    for name, title in (("scenes", "Scenes"), ("lights", "Cost of the camera light"), ("parts", "Savings by part"), ("built", "Built before the first step"),
-                        ("tentacles", "Cost of tentacles relative to an image")):
+    for name, title in (("scenes", "Scenes"), ("parts", "Savings by part")):
         lines += [f"### {title}", table(*read(name))]
     return lines
 
@@ -400,7 +431,6 @@ def scenes(b):
 def dynamics(b):
     read, said, command = b.report("dynamics", *(["--scan", b.args.scan] if b.args.scan else []))
     lines = [command_block(command), findings(said)]
-    lines += ["### Order of convergence", table(*read("orders"))]
     head, rows = read("precision")
     step = head.index("step / s or tolerance")
     walls = list(dict.fromkeys(r[0] for r in rows))
@@ -416,18 +446,17 @@ def dynamics(b):
         at = [best.get((m, w), (None, None))[1] for w in walls]
         body.append([m, *(r[3] if r else None for r in at), *(r[5] if r else None for r in at[:1])])
     lines += ["### Error in position after a flight in steps of 1/120 s", table(["method", *(f"{w} / mm" for w in walls), f"time of the flight, {walls[0]} / µs"], body)]
-    tables = (("stable-step-by-wall-table", "Largest stable step, by the wall's constant / s"),
-              ("stable-step-by-clearance-table", "Largest stable step, by clearance / s"),
-              ("lateral-jerk", "Steady flight"), ("clamp", "Cost of the clamp"), ("free-motion", "Conservation in free motion"),
-              ("tentacles", "Number of tentacles"), ("mines", "Mines"), ("mines-worth", "Mines: drawings flown with and without them"),
-              ("repulsion", "Flights by repulsion alone"))
-    return lines + [t for name, title in tables for t in (f"### {title}", table(*read(name)))] + b.without_scan()
+    for name, title in (("tentacles", "Number of tentacles"), ("mines-worth", "Drawings flown with and without mines")):
+        lines += [f"### {title}", table(*read(name))]
+    return lines
 
 
 def perforation(b):
     read, said, command = b.report("perforation")
-    lines = [command_block(command), findings(said)]
-    return lines + ["### By method", table(*read("methods")), "### By place", table(*read("places"))]
+    head, rows = read("methods")
+    steps, through = (sum(int(float(r[head.index(k)])) for r in rows) for k in ("steps", "perforations"))
+    b.answer("steps through the wall, in difficult places", "the phantom", f"{through} of {steps}")
+    return [command_block(command), findings(said), table(*pick(head, rows, ("method", "steps", "perforations", "not finite", "hangs", "least margin / mm")))]
 
 
 def faults(b):
@@ -449,39 +478,47 @@ def faults(b):
 
 def cleansing(b):
     read, said, command = b.report("cleansing")
-    return [command_block(command), findings(said), "### By method", table(*read("methods")), "### By part of the wall", table(*read("parts"))]
+    head, rows = read("parts")
+    method, wall, error = (head.index(k) for k in ("method", "wall", "mean position error / mm"))
+    under = [float(r[error]) for r in rows if r[method] == "cleansed" and r[wall] == "under fluid" and r[error]]
+    if under:
+        b.answer("mean error of the wall under fluid, cleansed", "the phantom", f"{cell(sum(under) / len(under))} mm")
+    return [command_block(command), findings(said), table(*read("methods"))]
 
 
 def coverage(b):
     read, said, command = b.report("coverage", *(["--scan", b.args.scan] if b.args.scan else []))
-    parts = [command_block(command), findings(said)]
-    for title, name in [("Flights", "flights"), ("What can be seen at all", "visible"), ("Where the rest lies", "reasons"),
-                        ("By part of the wall", "parts"), ("Time and memory", "cost")]:
-        parts += [f"### {title}", table(*read(name))]
-    return parts
+    columns = ("volume", "guide", "view angle / degrees", "one way / %", "same places, both ways / %", "flown there and back / %",
+               "missed patches of 300 mm² or more")
+    return [command_block(command), findings(said), table(*pick(*read("flights"), columns))]
 
 
 def candidates(b):
     read, said, command = b.report("candidates")
-    parts = [command_block(command), findings(said)]
-    for title, name in [("Sensitivity", "sensitivity"), ("Measures", "measures"), ("Decoys", "decoys")]:
-        parts += [f"### {title}", table(*read(name))]
-    return parts
+    head, rows = read("sensitivity")
+    polyps = head.index("polyps")
+    # Each detector's first row is of all polyps from 6 mm; the others are of sites, shapes and sizes.
+    of_all = [r for r in rows if r[polyps] == rows[0][polyps]]
+    columns = ("detector", "polyps", "number", "1 a scan / %", "2 a scan / %", "4 a scan / %", "at any score / %")
+    shown = pick(head, of_all, columns)
+    b.answer(f"polyps, {rows[0][polyps]}: found at 2 false positives a scan", "the phantom", f"{cell(of_all[0][head.index('2 a scan / %')])} %")
+    return [command_block(command), findings(said), table(*shown), "Sensitivity at numbers of false positives a scan."]
 
 
+# What is asked most comes first.
 PARTS = {
     "frames": ("Frames of a flight", frames),
     "window": ("In a window", window),
     "flights": ("Flights by guide", flights),
     "fields": ("Lumen, wall distance, centerline", fields),
-    "render": ("Renderers: error against time", render),
-    "gradients": ("Gradient estimators", gradients),
-    "scenes": ("Savings from omitted parts", scenes),
-    "dynamics": ("Dynamics", dynamics),
-    "perforation": ("Random steps against the wall", perforation),
-    "cleansing": ("The wall under tag", cleansing),
     "coverage": ("Coverage: the share of the wall that flights see", coverage),
     "candidates": ("Candidates: polyps found against false positives", candidates),
+    "cleansing": ("Cleansing: the wall under tagged fluid", cleansing),
+    "perforation": ("Random steps against the wall", perforation),
+    "render": ("Renderers: error against time", render),
+    "gradients": ("Gradient estimators", gradients),
+    "dynamics": ("Dynamics", dynamics),
+    "scenes": ("Savings from omitted parts", scenes),
     "faults": ("Faults that the tests notice", faults),
 }
 
@@ -520,15 +557,15 @@ def first_match(path, key):
 
 
 def machine(b):
-    """The machine, one property for each row."""
+    """The machine, as rows of a table."""
     memory = first_match("/proc/meminfo", "MemTotal")
     memory = f"{int(memory.split()[0]) / 2**20:.1f} GiB" if memory else "unknown"
     stats = b.at("machine.json")
     b.run([b.args.colvis, "fly", "--headless", "--seconds", "0.05", "--stats", stats])
     with open(stats, encoding="utf-8") as f:
         simd = json.load(f).get("simd", "unknown")
-    return [["processor", first_match("/proc/cpuinfo", "model name") or platform.processor() or "unknown"], ["cores", cores()],
-            ["threads used", b.args.threads], ["memory", memory], ["SIMD level", simd], ["system", f"{platform.system()} {platform.machine()}"]]
+    processor = first_match("/proc/cpuinfo", "model name") or platform.processor() or "unknown processor"
+    return [["machine", f"{processor}, {cores()} cores, {memory}, {simd}, {platform.system()} {platform.machine()}"], ["threads used", b.args.threads]]
 
 
 def git(*words):
@@ -583,16 +620,21 @@ def page(b):
     took = (datetime.datetime.now(datetime.timezone.utc) - begun).total_seconds() / 60
     about.append(["machine load before, after; minutes taken", f"{busy}, {load()}; {took:.0f}"])
     intro = (
-        "Measurements of this project. One command regenerates this page and reuses no number from an earlier run; `--help` "
-        "lists its options:\n\n```sh\ncargo build --release\npython3 tests/bench/results.py --scan SCAN "
-        '--vtk "VTK" --fields-peer "PEER" --display "xvfb-run -a -s \'-screen 0 1280x1280x24\'"\n```\n\n'
-        "The command below each heading made the tables of that section. `colvis` is `target/release/colvis`. `SCAN` is the scan "
-        "named below. `phantom.nii` is the synthetic colon of `colvis phantom --out phantom.nii --truth phantom.json"
-        + (" --size small" if b.small else "")
-        + "`. *VTK* and *PEER* are other programs, measured in the same run on the same data with the same number of threads."
+        "Measurements of colvis. One command writes this page and reuses no number from an earlier run:\n\n"
+        + command_block("cargo build --release", "python3 tests/bench/results.py --scan SCAN --vtk \"VTK\" --fields-peer \"PEER\" --display "
+                        "\"xvfb-run -a -s '-screen 0 1280x1280x24'\"")
+    )
+    names = (
+        "Each section begins with its command. `colvis` is `target/release/colvis`, `SCAN` the scan named above. `phantom.nii` is the synthetic "
+        "colon of `colvis phantom --out phantom.nii --truth phantom.json" + (" --size small" if b.small else "")
+        + "`. *VTK* and *PEER* are other programs, measured in the same run on the same data with the same number of threads. The reports "
+        "write more tables than this page shows, as CSV files beside their `report.html`."
     )
     quick = "**Quick run**: smaller phantoms, fewer poses, fewer repetitions. It shows that everything runs, not how fast it is."
-    head = ["# Results", intro, *([quick] if b.args.quick else []), table(["this run", ""], about)]
+    subjects = ["the phantom", *(["the scan"] if b.args.scan else [])]
+    asked = [[Text(question), *(by.get(name) for name in subjects)] for question, by in b.answers.items()]
+    head = ["# Results", intro, *([quick] if b.args.quick else []), "## Asked most", table(["", *subjects], asked), "## This run",
+            table(["", ""], about), names]
     return "\n\n".join([*head, *(text for text, _ in sections), BY_TESTS.strip()]) + "\n", any(failed for _, failed in sections)
 
 
