@@ -91,7 +91,7 @@ fn the_table_names_the_modules_that_there_are() {
 }
 
 /// Writes an artificial crate to a folder.
-fn made_up(files: &[(&str, &str)]) -> (tempfile::TempDir, PathBuf) {
+pub(crate) fn made_up(files: &[(&str, &str)]) -> (tempfile::TempDir, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
     for (name, text) in files {
         let path = dir.path().join("src").join(name);

@@ -2,6 +2,7 @@
 
 mod candidates;
 mod centerline;
+mod circles;
 mod cleanse;
 mod command_line;
 mod commands;

@@ -1,5 +1,6 @@
 //! A minimal parser of Rust sources: the modules that a file declares and the paths that it uses.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// A source file.
@@ -16,6 +17,8 @@ pub(crate) struct SourceFile {
 pub(crate) struct Use {
     pub path: Vec<String>,
     pub line: usize,
+    /// The name by which a `use` makes it known, `*` for everything in it; `None` for any other path.
+    pub name: Option<String>,
 }
 
 impl SourceFile {
@@ -24,6 +27,13 @@ impl SourceFile {
         let text = std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
         let code = without_tests(&without_literals(&text, b' '));
         Self { path: path.to_owned(), module, text, code }
+    }
+
+    /// True if the file defines an item of this name.
+    pub(crate) fn defines(&self, name: &str) -> bool {
+        const ITEMS: [&str; 9] = ["const", "enum", "fn", "macro_rules", "mod", "static", "struct", "trait", "type"];
+        let tokens = tokens(&self.code);
+        tokens.windows(3).any(|w| ITEMS.contains(&w[0].1) && (w[1].1 == name || w[1].1 == "!" && w[2].1 == name))
     }
 
     /// Returns the modules that the file declares in separate files, with those files.
@@ -193,8 +203,13 @@ fn tokens(code: &str) -> Vec<(usize, &str)> {
     all
 }
 
-/// Returns every path in a file that begins with `crate` or `super`, from the crate's root.
+/// Returns every path in a file that begins with `crate`, `self` or `super`, from the crate's root.
 pub(crate) fn uses(file: &SourceFile) -> Vec<Use> {
+    paths(file, &BTreeMap::new())
+}
+
+/// Same as [`uses`], with the paths that begin with one of `names` too. Each stands for a module, by its path from the crate's root.
+pub(crate) fn paths(file: &SourceFile, names: &BTreeMap<String, Vec<String>>) -> Vec<Use> {
     let tokens = tokens(&file.code);
     // The inline modules of this file, each with its brace depth.
     let (mut module, mut open, mut depth) = (file.module.clone(), Vec::new(), 0);
@@ -215,12 +230,23 @@ pub(crate) fn uses(file: &SourceFile) -> Vec<Use> {
                 }
                 depth -= 1;
             }
-            "crate" | "super" if tokens.get(n + 1).is_some_and(|t| t.1 == "::") => {
+            word if tokens.get(n + 1).is_some_and(|t| t.1 == "::") && (n == 0 || tokens[n - 1].1 != "::") => {
+                let base = match names.get(word) {
+                    Some(path) => path[..path.len() - 1].to_vec(),
+                    None if ["crate", "self", "super"].contains(&word) => module.clone(),
+                    None => {
+                        n += 1;
+                        continue;
+                    }
+                };
+                let is_use = n > 0 && tokens[n - 1].1 == "use";
                 let mut found = Vec::new();
-                n = follow(&tokens, n, module.clone(), &mut found);
+                n = follow(&tokens, n, base, &mut found);
                 let line = |at: usize| file.code[..at].lines().count().max(1);
-                let lines = found.into_iter().map(|(at, path)| Use { path, line: line(at + 1) });
-                all.extend(lines);
+                all.extend(found.into_iter().map(|(at, path, name)| {
+                    let name = if name == "self" { path.last().map_or("", |p| p) } else { name };
+                    Use { line: line(at + 1), name: is_use.then(|| name.to_owned()), path }
+                }));
                 continue;
             }
             _ => {}
@@ -230,13 +256,13 @@ pub(crate) fn uses(file: &SourceFile) -> Vec<Use> {
     all
 }
 
-/// Follows a path, or a tree of paths, from token `n` on. Adds each with the position of its first word below the root,
+/// Follows a path, or a tree of paths, from token `n` on. Adds each with the position of its first word below the root and its name,
 /// and returns the index of the token after it.
-fn follow(
-    tokens: &[(usize, &str)],
+fn follow<'a>(
+    tokens: &[(usize, &'a str)],
     mut n: usize,
     mut base: Vec<String>,
-    found: &mut Vec<(usize, Vec<String>)>,
+    found: &mut Vec<(usize, Vec<String>, &'a str)>,
 ) -> usize {
     let place = tokens[n].0;
     loop {
@@ -259,9 +285,9 @@ fn follow(
         let next = |m: usize| tokens.get(m).map(|t| t.1);
         let goes_on = |t: &str| t == "{" || t == "*" || t.starts_with(|c: char| c.is_alphanumeric() || c == '_');
         if next(n) != Some("::") || !next(n + 1).is_some_and(goes_on) {
-            found.push((place, base));
-            // An alias changes nothing.
-            return if next(n) == Some("as") { n + 2 } else { n };
+            let alias = tokens.get(n + 1).filter(|_| next(n) == Some("as"));
+            found.push((place, base, alias.unwrap_or(&tokens[n - 1]).1));
+            return if alias.is_some() { n + 2 } else { n };
         }
         n += 1;
     }
