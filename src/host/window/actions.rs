@@ -2,15 +2,14 @@
 //! are generated from it.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
 use std::time::Instant;
 
 use super::controller::FlightController;
-use super::keys::{Chord, Hold};
+use super::keys::{Chord, Hold, KeySettings};
+use super::layouts::LAYOUTS;
 use super::own_action::{ActionEntry, OwnState};
 use super::panels::{AssistInput, PanelEntry};
 use super::printed::Printed;
-use super::workspace::LAYOUTS;
 use crate::app::Overlay;
 use crate::app::catalog::taken;
 use crate::error::{Error, Result, program_name};
@@ -98,9 +97,6 @@ pub(crate) enum WindowRequest {
     /// Show or hide the panel with this number.
     Panel(usize),
 }
-
-/// Keys by the actions' ids, as in a settings file.
-pub(crate) type KeySettings = BTreeMap<String, Vec<String>>;
 
 /// The reason why an action is not possible now.
 pub(crate) type WhyNot = Cow<'static, str>;
@@ -601,7 +597,7 @@ impl Actions {
     pub(crate) fn on(&self, keyboard: &Printed) -> Self {
         let taken: Vec<String> =
             self.0.iter().flat_map(|a| a.keys.iter().chain(&a.shifted)).map(ToString::to_string).collect();
-        let name = |key: &Chord| Some(key.on(keyboard)).filter(|n| !taken.contains(n)).unwrap_or(key.to_string());
+        let name = |key: &Chord| Some(keyboard.name(key)).filter(|n| !taken.contains(n)).unwrap_or(key.to_string());
         let named = |a: &Action| Action { shown: a.keys.iter().map(name).collect(), ..a.clone() };
         Self(self.0.iter().map(named).collect())
     }

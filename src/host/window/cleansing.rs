@@ -11,9 +11,7 @@ use serde::Serialize;
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use super::assistant::Tag;
-use super::job::Job;
-use super::screenshot_renderer::WakeUp;
+use super::job::{Job, WakeUp};
 use crate::app::{FlightApp, Setup};
 use crate::components::output::Picture;
 use crate::components::scan::Scan;
@@ -60,6 +58,18 @@ enum Stage {
     Both(Entity),
     /// There is only one, and why.
     One(&'static str),
+}
+
+/// What is known of a scan's tag.
+pub(crate) enum Tag {
+    /// There is none.
+    Absent,
+    /// It was taken out of the scan that is flown through. The changes hold the values that the scan had.
+    Taken(Arc<Cleansed>),
+    /// It is in the scan, and this is the part around the colon without it.
+    Beside(PreparedVolume),
+    /// Nothing.
+    Unknown,
 }
 
 /// The other scan, and what was taken out.

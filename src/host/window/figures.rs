@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use super::style::angle;
 use super::view_renderer::{ViewRenderer, quality_of, refined};
 use crate::app::FlightApp;
 use crate::components::camera::{Contact, Velocity};
@@ -137,9 +138,4 @@ impl Figures {
         self.lines.extend(slow.map(|p| p.text()));
         &self.lines
     }
-}
-
-/// Formats a view angle: "74.4°".
-pub(crate) fn angle(degrees: f64) -> String {
-    format!("{}°", (degrees * 10.0).round() / 10.0)
 }

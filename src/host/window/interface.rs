@@ -126,7 +126,7 @@ impl Interface {
             // Dividers are grabbed exactly; the area beside them belongs to the panels.
             style.interaction.resize_grab_radius_side = 2.0;
             // As legible as text over the pictures.
-            style.visuals.override_text_color = Some(super::overlay::INK);
+            style.visuals.override_text_color = Some(super::style::INK);
         });
         egui
     }

@@ -10,6 +10,9 @@ use crate::error::{Error, Result};
 use crate::panics;
 use crate::progress::Progress;
 
+/// Called by another thread when its work is done.
+pub(crate) type WakeUp = Arc<dyn Fn() + Send + Sync>;
+
 /// A job whose result has not been taken yet. Dropping it cancels the work.
 pub(crate) struct Job<T> {
     name: &'static str,

@@ -1,11 +1,11 @@
 //! Keys as named in the tables of actions, and the keys currently held.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
 use winit::keyboard::{Key, NamedKey};
 
-use super::printed::Printed;
 use crate::error::{Error, Result};
 
 /// A key with or without Ctrl (on a Mac also Command). Letters stand for both of their cases.
@@ -15,6 +15,9 @@ pub(crate) struct Chord {
     /// A lower-case character, or a name of [`NAMES`].
     key: String,
 }
+
+/// Keys by the actions' ids, as in a settings file.
+pub(crate) type KeySettings = BTreeMap<String, Vec<String>>;
 
 /// Keys other than characters, by their names in settings and help.
 const NAMES: [(&str, NamedKey); 21] = [
@@ -54,6 +57,17 @@ impl Chord {
         Self { control: false, key: self.key.clone() }
     }
 
+    /// Returns its character; `None` if it has a name.
+    pub(crate) fn letter(&self) -> Option<char> {
+        let mut letters = self.key.chars();
+        letters.next().filter(|_| letters.next().is_none())
+    }
+
+    /// Returns the key of another character, with or without Ctrl as this one.
+    pub(crate) fn with_letter(&self, letter: char) -> Self {
+        Self { control: self.control, key: letter.to_string() }
+    }
+
     /// Converts a key of the window system; `None` for keys that no action can have.
     pub(crate) fn of(key: &Key, control: bool) -> Option<Self> {
         let key = match key {
@@ -63,18 +77,6 @@ impl Chord {
             _ => return None,
         };
         Some(Self { control, key })
-    }
-}
-
-impl Chord {
-    /// Returns its name on a keyboard, by what the key prints there.
-    pub(crate) fn on(&self, keyboard: &Printed) -> String {
-        let mut letters = self.key.chars();
-        let one = letters.next().filter(|_| letters.next().is_none());
-        match one.and_then(|key| keyboard.instead_of(key)) {
-            Some(key) => Self { control: self.control, key: key.to_string() }.to_string(),
-            None => self.to_string(),
-        }
     }
 }
 

@@ -9,8 +9,7 @@ use std::time::{Duration, Instant};
 use glam::DVec3;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use super::job::Job;
-use super::screenshot_renderer::WakeUp;
+use super::job::{Job, WakeUp};
 use super::told;
 use crate::app::Fields;
 use crate::app::flight::onward;

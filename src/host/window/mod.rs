@@ -21,6 +21,7 @@ mod keys;
 mod kinds;
 mod last_words;
 mod layer;
+mod layouts;
 mod loading;
 mod looked;
 mod measures;
@@ -49,6 +50,7 @@ mod shell;
 mod shown;
 mod slices;
 mod stroke;
+mod style;
 mod told;
 mod toolbar;
 mod travel;
@@ -71,13 +73,16 @@ use crate::polyps::Detector;
 use crate::progress::Progress;
 use crate::render::ImageSize;
 use crate::schedule::Guides;
-use actions::{Actions, KeySettings};
+use actions::Actions;
 #[doc(hidden)]
 pub use assistant::Took as AssistantTook;
 #[doc(hidden)]
 pub use cleansing::Took as CleansingTook;
 #[doc(hidden)]
 pub use display::Display;
+use keys::KeySettings;
+#[doc(hidden)]
+pub use layouts::slices_of;
 pub use loading::{Prepare, Ready, SessionFile, Unflown};
 #[doc(hidden)]
 pub use moving::{Interval, Moving, Side};
@@ -87,8 +92,6 @@ use panels::{ActionEntry, PanelEntry};
 pub use present_timer::PresentMs;
 use settings::Settings;
 use shell::{Shell, Wake};
-#[doc(hidden)]
-pub use workspace::slices_of;
 
 /// Returns all default keys of the window with their descriptions, in the order of its help. The user's settings file is not
 /// applied.

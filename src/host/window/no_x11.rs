@@ -3,7 +3,7 @@
 use winit::keyboard::KeyCode;
 use winit::window::Window;
 
-use super::printed::Printing;
+use super::stroke::Printing;
 
 use crate::render::ImageSize;
 

@@ -1,47 +1,14 @@
 //! Text and symbols that a window shows over its image, and their layout.
 
-use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Vec2, pos2, vec2};
+use egui::{Align2, Color32, Painter, Pos2, Rect, Vec2, pos2, vec2};
 
 use super::directions::Directions;
 use super::place::Bar;
+use super::style::{ACCENT, DISCLAIMER, INK, LABEL, SOFT, Severity, TEXT, font, label, text};
 use crate::app::overlay::{Align, Colour, Mark, Place2};
 
-/// Always shown.
-pub(crate) const DISCLAIMER: &str = "Research software. Not for diagnosis.";
 const MARGIN: f32 = 10.0;
-/// Size of text, points.
-pub(crate) const TEXT: f32 = 14.0;
-const LABEL: f32 = 20.0;
-/// Colour of text.
-pub(crate) const INK: Color32 = Color32::from_rgb(240, 240, 240);
-/// Colour of secondary text.
-pub(crate) const SOFT: Color32 = Color32::from_rgb(190, 196, 204);
-/// Colour of highlights.
-pub(crate) const ACCENT: Color32 = Color32::from_rgb(96, 190, 255);
 const BACKING: Color32 = Color32::from_black_alpha(165);
-
-/// The urgency of a state.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) enum Severity {
-    /// The flight runs automatically.
-    #[default]
-    Normal,
-    /// The operator has paused it or taken control.
-    Notice,
-    /// The operator has to act.
-    Alert,
-}
-
-impl Severity {
-    /// Returns its colour.
-    pub(crate) fn colour(self) -> Color32 {
-        match self {
-            Self::Normal => Color32::from_rgb(120, 220, 140),
-            Self::Notice => Color32::from_rgb(255, 214, 102),
-            Self::Alert => Color32::from_rgb(255, 128, 112),
-        }
-    }
-}
 
 /// Content of a window.
 #[derive(Clone, Debug, PartialEq)]
@@ -98,15 +65,6 @@ pub(crate) fn on_bar(area: Rect, at: Pos2) -> Option<f64> {
     let track = track(area);
     // The bar is thin, so a click may be slightly off.
     track.expand(5.0).contains(at).then(|| f64::from(((at.x - track.min.x) / track.width()).clamp(0.0, 1.0)))
-}
-
-fn font(size: f32) -> FontId {
-    FontId::proportional(size)
-}
-
-/// Draws text and returns its rectangle.
-pub(crate) fn text(p: &Painter, at: Pos2, align: Align2, text: &str, size: f32, colour: Color32) -> Rect {
-    p.text(at, align, text, font(size), colour)
 }
 
 fn bar(p: &Painter, rect: Rect, share: f64) {
@@ -320,17 +278,6 @@ fn along(p: &Painter, track: Rect, bar: &Bar) {
         tick(call, vec2(4.0, 12.0), Severity::Alert.colour());
     }
     tick(bar.camera, vec2(4.0, 12.0), INK);
-}
-
-/// Draws the letters of a direction.
-pub(crate) fn label(p: &Painter, at: Pos2, align: Align2, name: &str) {
-    if name.is_empty() {
-        return;
-    }
-    let size = p.layout_no_wrap(name.to_owned(), font(LABEL), INK).size();
-    let rect = align.anchor_size(at, size + vec2(12.0, 2.0));
-    p.rect_filled(rect, 4.0, Color32::from_black_alpha(120));
-    text(p, rect.center(), Align2::CENTER_CENTER, name, LABEL, Color32::from_rgb(255, 236, 150));
 }
 
 #[cfg(test)]

@@ -51,7 +51,8 @@ mod tests {
 
     use super::*;
     use crate::host::window::directions::Directions;
-    use crate::host::window::overlay::{self, HudState, Severity};
+    use crate::host::window::overlay::{self, HudState};
+    use crate::host::window::style::Severity;
 
     /// Returns the height that text covers across the whole lower edge of a picture without marks, points.
     fn foot(size: Vec2) -> f32 {

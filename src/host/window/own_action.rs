@@ -113,8 +113,9 @@ mod tests {
 
     use super::*;
     use crate::components::input::{FlightCommand, HandCommand};
-    use crate::host::window::actions::{Actions, KeySettings};
+    use crate::host::window::actions::Actions;
     use crate::host::window::controller::tests::flight;
+    use crate::host::window::keys::KeySettings;
     use crate::schedule::Guides;
 
     fn actions(own: &[ActionEntry]) -> crate::error::Result<Actions> {

@@ -5,12 +5,12 @@ use std::time::Instant;
 
 use egui::{Align2, LayerId, RawInput, Rect, Ui, pos2};
 
-use super::figures::angle;
 use super::interface::{Interface, WindowSize};
 use super::layer::Layer;
-use super::overlay::{self, DISCLAIMER, HudState, INK, SOFT, TEXT};
+use super::overlay::HudState;
 use super::painter::Artist;
 use super::panels::{Context, flight, slices};
+use super::style::{self, DISCLAIMER, INK, SOFT, TEXT, angle};
 use crate::components::output::Picture;
 use crate::components::slices::Orientation;
 use crate::render::{Frame, ImageSize};
@@ -159,14 +159,14 @@ fn write(ui: &Ui, [what, how]: &[String; 2], width: f32) {
     let p = ui.ctx().layer_painter(LayerId::background());
     let row = |y: f32, words: &str, colour| {
         let at = Rect::from_min_max(pos2(MARGIN, y), pos2(width - MARGIN, STRIP));
-        overlay::text(&p.with_clip_rect(at), at.min, Align2::LEFT_TOP, words, TEXT, colour)
+        style::text(&p.with_clip_rect(at), at.min, Align2::LEFT_TOP, words, TEXT, colour)
     };
     row(4.0, what, INK);
     let used = row(24.0, how, SOFT);
     let free = width - 2.0 * MARGIN - used.width();
     let size = p.layout_no_wrap(DISCLAIMER.to_owned(), egui::FontId::proportional(TEXT), SOFT).size();
     if free > size.x + MARGIN {
-        overlay::text(&p, pos2(width - MARGIN, 24.0), Align2::RIGHT_TOP, DISCLAIMER, TEXT, SOFT);
+        style::text(&p, pos2(width - MARGIN, 24.0), Align2::RIGHT_TOP, DISCLAIMER, TEXT, SOFT);
     }
 }
 
@@ -178,8 +178,9 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::host::window::actions::{ActionContext, Actions, KeySettings};
+    use crate::host::window::actions::{ActionContext, Actions};
     use crate::host::window::controller::tests::{controller, perform};
+    use crate::host::window::keys::KeySettings;
     use crate::host::window::panels::SliceInput;
 
     #[test]

@@ -6,8 +6,7 @@ use std::time::{Duration, Instant};
 
 use glam::DVec3;
 
-use super::job::Job;
-use super::screenshot_renderer::WakeUp;
+use super::job::{Job, WakeUp};
 use crate::app::{FlightApp, Setup};
 use crate::components::flight::State;
 use crate::components::still::StillViews;

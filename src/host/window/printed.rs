@@ -7,11 +7,9 @@ use std::collections::BTreeMap;
 use winit::keyboard::KeyCode;
 use winit::window::Window;
 
-use super::stroke::{Stroke, US};
+use super::keys::Chord;
+use super::stroke::{Printing, Stroke, US};
 use super::x11;
-
-/// The characters of keys, without and with Shift; `None` where a key prints nothing.
-pub(crate) type Printing = [Option<char>; 2];
 
 /// What keys print, as far as it is known.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -50,6 +48,12 @@ impl Printed {
         }
         self.keys.entry(code).or_default()[0] = Some(printed);
         true
+    }
+
+    /// Returns the name of a key, by what it prints.
+    pub(crate) fn name(&self, key: &Chord) -> String {
+        let printed = key.letter().and_then(|letter| self.instead_of(letter));
+        printed.map_or_else(|| key.to_string(), |letter| key.with_letter(letter).to_string())
     }
 
     /// Returns what the key prints that has the place of `key` on a US keyboard; `None` if `key` is right as it is: something prints

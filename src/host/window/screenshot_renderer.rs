@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use super::job::Job;
+use super::job::{Job, WakeUp};
 use super::photograph::Photograph;
 use crate::app::FlightApp;
 use crate::components::camera::Pose;
@@ -69,9 +69,6 @@ pub(crate) struct Traced {
     /// The image.
     pub frame: Frame,
 }
-
-/// Called by another thread when its work is done: by that of a [`ScreenshotRenderer`] after each image.
-pub(crate) type WakeUp = Arc<dyn Fn() + Send + Sync>;
 
 /// Renders images in the background.
 pub(crate) struct ScreenshotRenderer {

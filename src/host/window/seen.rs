@@ -11,8 +11,7 @@ use std::time::{Duration, Instant};
 use bevy_ecs::prelude::Entity;
 use glam::DVec3;
 
-use super::job::Job;
-use super::screenshot_renderer::WakeUp;
+use super::job::{Job, WakeUp};
 use crate::app::{FlightApp, Setup};
 use crate::components::review::ReviewStop;
 use crate::coverage::{CoveragePaint, LiveCoverage, Missed};

@@ -15,8 +15,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use super::actions::KeySettings;
 use super::folders::{self, Folder};
+use super::keys::KeySettings;
 use crate::error::{Error, Result};
 
 /// The current version of the file format.

@@ -6,8 +6,8 @@ use egui::{Align, Key, Modal, RichText, ScrollArea, TextEdit, Ui, vec2};
 use super::Asked;
 use super::actions::Group;
 use super::keys::Chord;
-use super::overlay::{SOFT, Severity};
 use super::panels::{Context, Requests};
+use super::style::{SOFT, Severity};
 
 /// Least width of a column of keys, points.
 const COLUMN: f32 = 380.0;

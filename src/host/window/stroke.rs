@@ -10,6 +10,9 @@ use winit::platform::modifier_supplement::KeyEventExtModifierSupplement;
 
 use super::keys::{Chord, Hold};
 
+/// The characters of keys, without and with Shift; `None` where a key prints nothing.
+pub(crate) type Printing = [Option<char>; 2];
+
 /// A key that was pressed or released.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Stroke {
@@ -148,7 +151,8 @@ pub(super) const US: [(KeyCode, char, char); 47] = [
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::host::window::actions::{Actions, KeySettings};
+    use crate::host::window::actions::Actions;
+    use crate::host::window::keys::KeySettings;
     use crate::host::window::panels;
     use crate::systems::guides;
 

@@ -4,8 +4,8 @@ use egui::{Align, Button, FontId, Label, Layout, RichText, TextStyle, Ui};
 use egui_phosphor::regular as icon;
 
 use super::actions::{Effect, WindowRequest};
-use super::overlay::SOFT;
 use super::panels::{Context, Requests};
+use super::style::SOFT;
 
 /// Width beside the buttons that is left for the state, the name of the scan and the choice of the layout, points.
 const STATE: f32 = 230.0;
@@ -101,7 +101,8 @@ fn button(context: &Context<'_>, ui: &mut Ui, requests: &mut Requests, &(icon, n
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::host::window::actions::{Actions, KeySettings};
+    use crate::host::window::actions::Actions;
+    use crate::host::window::keys::KeySettings;
 
     #[test]
     fn names_are_left_out_where_the_state_would_cover_them() {

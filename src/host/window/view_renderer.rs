@@ -6,9 +6,10 @@ use std::time::Instant;
 
 use bevy_ecs::prelude::Entity;
 
+use super::job::WakeUp;
 use super::moving::{Moving, MovingPictures};
 use super::photograph::Photograph;
-use super::screenshot_renderer::{PictureRequest, ScreenshotRenderer, Traced, WakeUp};
+use super::screenshot_renderer::{PictureRequest, ScreenshotRenderer, Traced};
 use crate::app::FlightApp;
 use crate::components::camera::Pose;
 use crate::components::output::{FrameCache, Picture};

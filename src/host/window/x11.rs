@@ -19,7 +19,7 @@ use x11rb::rust_connection::RustConnection;
 
 use xkeysym::Keysym;
 
-use super::printed::Printing;
+use super::stroke::Printing;
 use crate::render::ImageSize;
 
 /// Bytes of a request besides its pixels, rounded up.

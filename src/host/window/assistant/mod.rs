@@ -15,8 +15,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::Serialize;
 
 use super::cleansing::Cleansing;
-use super::job::Job;
-use super::screenshot_renderer::WakeUp;
+use super::job::{Job, WakeUp};
 use crate::app::FlightApp;
 use crate::error::{Error, Result};
 use crate::polyps::answers::{Answer, Answers};
@@ -26,7 +25,7 @@ use crate::progress::Progress;
 use showing::Facts;
 
 pub(crate) use reading::{Reading, Said};
-pub(crate) use search::{Entry, Found, SIDE, Tag};
+pub(crate) use search::{Entry, Found, SIDE};
 pub use showing::{Order, Showing};
 
 /// Time between two looks at the progress of a search.

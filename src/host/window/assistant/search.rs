@@ -12,7 +12,7 @@ use crate::fields::AlongColon;
 use crate::fields::Lumen;
 use crate::fields::cleanse::{self, Cleansed};
 use crate::fields::lumen::{self, Told};
-use crate::host::window::cleansing::boxed;
+use crate::host::window::cleansing::{Tag, boxed};
 use crate::host::window::shown::laid_over;
 use crate::panics::ask_plugin;
 use crate::polyps::{self, Candidate, Colon, Detector, Measurement, Wall, detectors};
@@ -44,18 +44,6 @@ pub(crate) struct Input {
     pub(crate) preset: Preset,
     /// Finds the candidates.
     pub(crate) detector: Detector,
-}
-
-/// What is known of a scan's tag.
-pub(crate) enum Tag {
-    /// There is none.
-    Absent,
-    /// It was taken out of the scan that is flown through. The changes hold the values that the scan had.
-    Taken(Arc<Cleansed>),
-    /// It is in the scan, and this is the part around the colon without it.
-    Beside(PreparedVolume),
-    /// Nothing.
-    Unknown,
 }
 
 /// The values that a scan had before its tag was taken out.

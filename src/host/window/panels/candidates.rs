@@ -11,7 +11,7 @@ use super::{AssistInput, Context, Panel, PanelEntry, Requests, rows};
 use crate::host::window::assistant::{
     Assistant, Entry, Found, Measured, Order, Reading, SIDE, Said, Showing, State, answer_text,
 };
-use crate::host::window::overlay::{ACCENT, INK, SOFT, Severity, TEXT, text};
+use crate::host::window::style::{ACCENT, INK, SOFT, Severity, TEXT, text};
 use crate::polyps::answers::Answer;
 
 /// Its entry in the table.

@@ -6,7 +6,8 @@ use glam::DVec3;
 use super::candidates::Marking;
 use super::{Context, FlightInput, Panel, PanelEntry, Requests, candidates, measures, notches};
 use crate::components::output::Picture;
-use crate::host::window::overlay::{self, HudState, Severity};
+use crate::host::window::overlay::{self, HudState};
+use crate::host::window::style::Severity;
 use crate::space::first_crossing;
 
 /// Its entry in the table.

@@ -5,7 +5,7 @@ use egui::{Button, Color32, RichText, ScrollArea, Sense, Ui, vec2};
 use super::{Context, Panel, PanelEntry, Request, Requests};
 use crate::fields::lumen::GasKind;
 use crate::host::window::kinds::{CHOICES, Kinds, LEGEND, colour, name};
-use crate::host::window::overlay::{SOFT, Severity};
+use crate::host::window::style::{SOFT, Severity};
 
 /// Its entry in the table.
 pub const PANEL: PanelEntry =

@@ -4,7 +4,7 @@ use egui::{Align2, Color32, Painter, Pos2, ScrollArea, Stroke, Ui};
 use glam::DVec3;
 
 use super::{Context, Panel, PanelEntry, Requests};
-use crate::host::window::overlay::{INK, SOFT, TEXT, text};
+use crate::host::window::style::{INK, SOFT, TEXT, text};
 
 /// Its entry in the table.
 pub const PANEL: PanelEntry =
@@ -87,8 +87,9 @@ mod tests {
     use egui::{LayerId, RawInput, Rect, Shape, pos2, vec2};
 
     use super::*;
-    use crate::host::window::actions::{ActionContext, Actions, KeySettings};
+    use crate::host::window::actions::{ActionContext, Actions};
     use crate::host::window::controller::tests::controller;
+    use crate::host::window::keys::KeySettings;
     use crate::host::window::overlay::HudState;
     use crate::host::window::panels::SliceInput;
     use crate::render::ImageSize;

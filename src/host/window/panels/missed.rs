@@ -4,7 +4,7 @@ use egui::{Align2, Color32, RichText, ScrollArea, Ui, vec2};
 
 use super::{Context, Panel, PanelEntry, Request, Requests, SeenInput, rows};
 use crate::coverage::{LiveCoverage, Missed};
-use crate::host::window::overlay::{INK, SOFT, Severity, TEXT, text};
+use crate::host::window::style::{INK, SOFT, Severity, TEXT, text};
 
 /// Its entry in the table.
 pub const PANEL: PanelEntry =

@@ -6,7 +6,7 @@ use egui::{Rect, RichText, ScrollArea, Ui};
 
 use super::series::SeriesList;
 use super::{Context, Panel, PanelEntry, Request, Requests};
-use crate::host::window::overlay::SOFT;
+use crate::host::window::style::SOFT;
 
 /// Its entry in the table.
 pub const PANEL: PanelEntry =

@@ -4,7 +4,7 @@ use std::hash::Hash;
 
 use egui::{Color32, Rect, Response, Sense, Stroke, StrokeKind, Ui, WidgetInfo, WidgetType, vec2};
 
-use crate::host::window::overlay::ACCENT;
+use crate::host::window::style::ACCENT;
 
 /// Background of the row that is chosen, and of the one under the pointer.
 const CHOSEN: Color32 = Color32::from_rgb(38, 62, 84);

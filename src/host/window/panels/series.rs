@@ -9,7 +9,7 @@ use egui::{TextureHandle, TextureOptions, Ui, pos2, vec2};
 
 use crate::error::Result;
 use crate::host::window::job::Job;
-use crate::host::window::overlay::{ACCENT, INK, SOFT, TEXT, text};
+use crate::host::window::style::{ACCENT, INK, SOFT, TEXT, text};
 use crate::progress::Progress;
 use crate::volume::io;
 use crate::volume::io::study::{Picture, Series, Study};

@@ -10,7 +10,7 @@ use super::candidates::Marking;
 use super::flight::{CLICK, TWICE_S};
 use super::{Context, Panel, PanelEntry, Requests, SliceInput, candidates, measures, notches};
 use crate::components::slices::{Orientation, SliceView};
-use crate::host::window::overlay::{ACCENT, INK, SOFT, Severity, TEXT, label, text};
+use crate::host::window::style::{ACCENT, INK, SOFT, Severity, TEXT, label, text};
 use crate::render::slice::{SlabKind, Slice};
 
 /// The axial slice.

@@ -12,8 +12,7 @@ use crate::coverage::{CoveragePaint, LiveCoverage, Scans, missed};
 use crate::dynamics::Attitude;
 use crate::error::Result;
 use crate::fields::{Lumen, Through, WallDistance};
-use crate::host::window::job::Job;
-use crate::host::window::screenshot_renderer::WakeUp;
+use crate::host::window::job::{Job, WakeUp};
 use crate::host::window::shown::ShownScan;
 use crate::progress::Progress;
 

@@ -1,6 +1,7 @@
 //! Shows slices where the layout has none.
 
-use super::{FIRST, LAYOUTS, Workspace};
+use super::Workspace;
+use crate::host::window::layouts::{FIRST, LAYOUTS};
 
 /// Panels of slices.
 const SLICES: [&str; 4] = ["axial", "coronal", "sagittal", "across"];
