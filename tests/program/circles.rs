@@ -22,7 +22,7 @@ const KNOWN: &[&[&str]] = &[
         "src/app/scene.rs",
     ],
     &["src/cli/args.rs", "src/cli/prepare.rs"],
-    &["src/coverage/sight.rs", "src/coverage/wall.rs"],
+    &["src/flight/coverage/sight.rs", "src/coverage/wall.rs"],
     &[
         "src/host/window/actions.rs",
         "src/host/window/controller.rs",
@@ -94,7 +94,7 @@ const KNOWN: &[&[&str]] = &[
         "src/scan/volume/io/nrrd.rs",
         "src/scan/volume/io/write.rs",
     ],
-    &["src/schedule/app.rs", "src/schedule/inspect.rs", "src/schedule/plugin.rs"],
+    &["src/flight/schedule/app.rs", "src/schedule/inspect.rs", "src/schedule/plugin.rs"],
 ];
 
 /// The files of a crate, by their modules.
