@@ -7,6 +7,7 @@ use bevy_ecs::system::SystemAccess;
 
 use super::app::{App, LeftOut, Slot, short};
 use super::ledger::PluginTime;
+use super::own::is_own;
 
 /// The systems, components and plug-ins of an [`App`], for explanations and messages.
 #[derive(Clone, Copy)]
@@ -113,15 +114,6 @@ impl<'a> Inspector<'a> {
 /// True for the system that carries out the commands of systems before it.
 fn is_sync_point(name: &str) -> bool {
     name.ends_with("apply_deferred")
-}
-
-/// True for a path of this crate or of another member of its workspace, which a crate that merely begins with its name is not.
-pub(super) fn is_own(path: &str) -> bool {
-    let krate = path.split("::").next().unwrap_or(path);
-    krate.strip_prefix("colvis").is_some_and(|member| {
-        ["", "_app", "_flight", "_host", "_imaging", "_kernels", "_phantom", "_plane", "_report", "_scan"]
-            .contains(&member)
-    })
 }
 
 /// Returns the short name of a component, prefixed with its crate if that is another one.

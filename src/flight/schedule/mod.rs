@@ -11,6 +11,7 @@ mod guide;
 mod inspect;
 mod ledger;
 mod look;
+mod own;
 mod parts;
 mod plugin;
 mod sets;

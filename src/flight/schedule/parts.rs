@@ -6,7 +6,7 @@
 use bevy_ecs::archetype::ArchetypeId;
 use bevy_ecs::prelude::*;
 
-use super::inspect::is_own;
+use super::own::is_own;
 
 /// The archetypes of a scan and of a camera; `None` for one that does not exist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
