@@ -52,6 +52,10 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 TREE = ROOT / "target/mutation/tree"
 EQUIVALENT = ROOT / "tests/bench/equivalent.txt"
 
+# The roots of the program's crates, the lowest first: it holds the switches, which all others use.
+LOWEST = "src/scan/lib.rs"
+ROOTS = [LOWEST, "src/lib.rs", *(str(p.relative_to(ROOT)) for p in sorted(ROOT.glob("src/*/lib.rs")) if p.parent.name != "scan")]
+
 # Folders of the table: the paths that belong to each.
 FOLDERS = {
     "render": ["src/imaging/render", "src/imaging/surface"],
@@ -98,7 +102,7 @@ def folder_of(path):
 
 
 def all_mutants():
-    listed = subprocess.run(["cargo", "mutants", "--list", "--json"], cwd=ROOT, check=True, stdout=subprocess.PIPE)
+    listed = subprocess.run(["cargo", "mutants", "--workspace", "--list", "--json"], cwd=ROOT, check=True, stdout=subprocess.PIPE)
     mutants = json.loads(listed.stdout)
     for m in mutants:
         m["file"] = os.path.normpath(m["file"].removeprefix("src/../"))
@@ -204,16 +208,17 @@ def write_tree(mutants):
         by_file[m["file"]][number] = m
     lines = {}
     changed = subprocess.run(["git", "diff", "--name-only"], cwd=TREE, check=True, stdout=subprocess.PIPE, text=True).stdout.split()
-    for file in set(changed) - set(by_file) - {"src/lib.rs"}:
+    for file in set(changed) - set(by_file) - set(ROOTS):
         write(TREE / file, (ROOT / file).read_text())
     for file, own in by_file.items():
         text, lines[file] = switches.switched((ROOT / file).read_text(), own)
         write(TREE / file, text)
     size = max(mutants, default=0) + 1
-    # The module's attributes follow the crate's documentation.
-    head = re.match(r"(?://!.*\n|\s*\n)*", (TREE / "src/lib.rs").read_text() if "src/lib.rs" in lines else (ROOT / "src/lib.rs").read_text())
-    text = head.string[: head.end()] + switches.ALLOW + head.string[head.end():] + switches.MODULE % (size, size)
-    write(TREE / "src/lib.rs", text)
+    for root in ROOTS:
+        # The module's attributes follow the crate's documentation.
+        head = re.match(r"(?://!.*\n|\s*\n)*", (TREE / root if root in lines else ROOT / root).read_text())
+        module = switches.MODULE % (size, size) if root == LOWEST else switches.IMPORT
+        write(TREE / root, head.string[: head.end()] + switches.ALLOW + head.string[head.end():] + module)
     return lines
 
 
@@ -339,13 +344,21 @@ def record(programs, out, jobs):
 def stage_of(program, test):
     if any(d in test for d in DIGESTS):
         return "digest"
-    return "unit" if program == "colvis" else "integration"
+    return "unit" if program.startswith("colvis") else "integration"
+
+
+def module_of(file):
+    """Returns the module of a file, as tests name it. A member's folder is one only where its root says so."""
+    member = re.match(r"src/\w+/", file)
+    if member and (ROOT / member[0] / "lib.rs").exists() and not (ROOT / member[0] / "mod.rs").exists():
+        file = file.removeprefix(member[0])
+    return re.sub(r"^src/|(/mod)?\.rs$", "", file).replace("/", "::")
 
 
 def first_to_notice(number, mutant, plan, stages, most):
     """Returns the stage and the test that notice a mutant first, and the seconds that took; "missed" if none does."""
     start = time.monotonic()
-    module = re.sub(r"^src/|(/mod)?\.rs$", "", mutant["file"]).replace("/", "::") + "::"
+    module = module_of(mutant["file"]) + "::"
     # First those of its own file, that are quick, and that reach little else.
     worth = lambda t: (t[2] + 0.02) * len(t[3]) / (20 if t[1].startswith(module) else 1)
     for s in stages:

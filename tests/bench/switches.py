@@ -52,6 +52,10 @@ pub mod mutation {
     }
 }
 '''
+IMPORT = '''
+#[doc(hidden)]
+pub use colvis_scan::mutation;
+'''
 ALLOW = "#![allow(warnings, clippy::all, arithmetic_overflow, unconditional_panic, reason = \"these are faults\")]\n"
 
 
