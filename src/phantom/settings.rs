@@ -67,7 +67,9 @@ impl Default for Scanner {
 /// Selects the features of a phantom.
 ///
 /// ```
-/// # use colvis_phantom as colvis;
+/// # mod colvis {
+/// # pub use colvis_phantom as phantom;
+/// # }
 /// use colvis::phantom::{Phantom, PhantomSettings, Size};
 ///
 /// let phantom = Phantom::new(&PhantomSettings { size: Size::Small, seed: 3, ..PhantomSettings::default() });

@@ -17,6 +17,10 @@ use crate::schedule::note;
 /// complete example.
 ///
 /// ```
+/// # mod colvis {
+/// # pub use colvis_flight::components;
+/// # pub use colvis_host::host::window::panels as panel;
+/// # }
 /// use colvis::components::input::FlightCommand;
 /// use colvis::panel::ActionEntry;
 ///

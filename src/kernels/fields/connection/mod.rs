@@ -119,7 +119,10 @@ impl Connection {
     /// taken to follow each other.
     ///
     /// ```
-    /// # use colvis_kernels as colvis;
+    /// # mod colvis {
+    /// # pub use colvis_kernels::*;
+    /// # pub use colvis_phantom as phantom;
+    /// # }
     /// use colvis::fields::connection::{ColonPlace, Connection, StretchKind};
     /// use colvis::fields::lumen;
     /// use colvis::phantom::{Phantom, PhantomSettings, Size};

@@ -127,7 +127,10 @@ pub type Told = (DVec3, GasKind);
 /// segments, which is not an error.
 ///
 /// ```
-/// # use colvis_kernels as colvis;
+/// # mod colvis {
+/// # pub use colvis_kernels::*;
+/// # pub use colvis_phantom as phantom;
+/// # }
 /// use colvis::fields::lumen;
 /// use colvis::phantom::Phantom;
 /// use colvis::progress::Progress;
