@@ -183,8 +183,7 @@ pub fn move_body(clock: Res<Clock>, walls: Single<&Walls, With<Main>>, camera: S
     let guided = flight.state == State::Flying && !hand.is_some_and(|h| h.is_in_control(clock.tick));
     let looking = hand.is_some_and(|h| clock.tick < h.looking_until);
     let turning = match guide.filter(|g| guided && !looking && g.look_direction != DVec3::ZERO) {
-        // The operator may roll meanwhile, and the roll stays: the turn towards the path has no component about the view
-        // direction.
+        // The operator may roll meanwhile, and the roll stays: the turn towards the path has no component about the view direction.
         Some(guide) => {
             let towards = Turning::towards(guide.look_direction, VIEW_S, VIEW_RATE);
             Turning { push: hand.map_or(DVec3::ZERO, |h| h.turning) * towards.drag, ..towards }

@@ -1,5 +1,4 @@
-//! The guide that steers by tentacles: they keep the camera off the wall and find the path, and mines keep it from
-//! turning back.
+//! The guide that steers by tentacles: they keep the camera off the wall and find the path, and mines keep it from turning back.
 
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::QueryData;

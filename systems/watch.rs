@@ -1,5 +1,4 @@
-//! Detects that the camera has arrived or makes no progress. In the second case it attempts recovery, then calls the
-//! operator.
+//! Detects that the camera has arrived or makes no progress. In the second case it attempts recovery, then calls the operator.
 
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::QueryData;

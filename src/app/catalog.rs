@@ -209,10 +209,7 @@ impl Catalog {
     }
 }
 
-/// Checks that each name occurs once.
-///
-/// # Errors
-/// Returns status 2 for the first duplicate name.
+/// Checks that each name occurs once. Fails with status 2 for the first duplicate name.
 fn unique(names: &mut [(String, &str)]) -> Result<()> {
     for n in 0..names.len() {
         let (name, kind) = &names[n];

@@ -117,11 +117,8 @@ pub(super) struct RenderFile {
 }
 
 impl RenderFile {
-    /// Converts to the settings and the images' settings. Preset, camera and shader are looked up in `catalog`, and their
-    /// settings by name in `options`.
-    ///
-    /// # Errors
-    /// Returns status 2 if the preset, camera or shader does not exist.
+    /// Converts to the settings and the images' settings. Preset, camera and shader are looked up in `catalog`, and their settings
+    /// by name in `options`. Fails with status 2 if the preset, camera or shader does not exist.
     pub(super) fn settings(
         self,
         catalog: &Catalog,

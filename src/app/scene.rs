@@ -514,11 +514,8 @@ impl Scene {
     }
 }
 
-/// Returns the settings in tables that are named after presets, cameras and shaders. Tables of guides and plug-ins are passed on
-/// to those.
-///
-/// # Errors
-/// Returns status 2 for an unknown name, and for settings that the named part does not have.
+/// Returns the settings in tables that are named after presets, cameras and shaders. Tables of guides and plug-ins are passed on to
+/// those. Fails with status 2 for an unknown name, and for settings that the named part does not have.
 fn named_options(
     tables: toml::Table,
     catalog: &Catalog,
@@ -552,10 +549,8 @@ fn named_options(
     Ok(named)
 }
 
-/// Returns the settings in the tables of overlays.
-///
-/// # Errors
-/// Returns status 2 for an unknown overlay, and for settings that it does not have.
+/// Returns the settings in the tables of overlays. Fails with status 2 for an unknown overlay, and for settings that it does not
+/// have.
 fn overlay_options(tables: toml::Table, catalog: &Catalog) -> Result<BTreeMap<String, Options>> {
     let mut overlays = BTreeMap::new();
     for (name, value) in tables {

@@ -444,10 +444,8 @@ pub struct ReportArgs {
 }
 
 impl Args {
-    /// Reads the arguments of a program that has this to choose from.
-    ///
-    /// # Errors
-    /// What is wrong with the arguments; also when help or the version is requested.
+    /// Reads the arguments of a program that has this to choose from. Fails with what is wrong with the arguments, or if help or
+    /// the version is requested.
     pub(super) fn read(args: impl Iterator<Item = OsString>, program: &Program) -> Result<Self, ParseError> {
         let args: Vec<OsString> = args.collect();
         if let Some(name) = args.first() {

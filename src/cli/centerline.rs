@@ -47,11 +47,8 @@ impl Format {
     }
 }
 
-/// Runs the command.
-///
-/// # Errors
-/// Returns status 2 for an unknown ending or an input beside a mask, 3 if the input cannot be read, 4 if there is no lumen or no
-/// path through it, or if interrupted, 5 if an output cannot be written.
+/// Runs the command. Fails with status 2 for an unknown ending or an input beside a mask, 3 if the input cannot be read, 4 if there
+/// is no lumen or no path through it, or if interrupted, 5 if an output cannot be written.
 pub(crate) fn run(args: &CenterlineArgs, global: &Global, progress: &Progress) -> Result<()> {
     let format = Format::of(&args.out)?;
     let (input, is_mask) = prepare::scan_or_mask("centerline", args.input.as_deref(), args.mask.as_deref())?;

@@ -29,11 +29,8 @@ struct NotTaken {
     why: &'static str,
 }
 
-/// Runs the command.
-///
-/// # Errors
-/// Returns status 3 if the input cannot be read, 4 if it is too flat to have an interior, has no gas of a colon or if interrupted, 5
-/// if an output cannot be written.
+/// Runs the command. Fails with status 3 if the input cannot be read, 4 if it is too flat to have an interior, has no gas of a
+/// colon or if interrupted, 5 if an output cannot be written.
 pub(crate) fn run(args: &CleanseArgs, global: &Global, progress: &Progress) -> Result<()> {
     files::check_folders(&args.out, args.stats.as_deref())?;
     io::check_ending(&args.out)?;

@@ -22,9 +22,6 @@ const TRIAL_S: f64 = 0.25;
 const SLICE: [usize; 2] = [400, 300];
 
 /// Builds the flight that `fly` would fly with the same options and prints its parts.
-///
-/// # Errors
-/// As `fly`'s preparation.
 pub(crate) fn run(program: &Program, args: &ExplainArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     fly::check(&args.fly)?;
     let windowed = !args.fly.headless && cfg!(feature = "window");

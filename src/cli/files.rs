@@ -70,9 +70,7 @@ impl Files {
     }
 
     /// Refuses outputs that would overwrite an input or each other, with the data files beside headers and the slices of folders.
-    ///
-    /// # Errors
-    /// Status 2.
+    /// Fails with status 2.
     pub(super) fn check_apart(&self) -> Result<()> {
         let with = |paths: &[PathBuf], companion: fn(&Path) -> Option<PathBuf>| {
             paths.iter().flat_map(|p| std::iter::once(p.clone()).chain(companion(p))).collect::<Vec<_>>()
@@ -114,10 +112,7 @@ fn is_picture_of(folder: &Path, file: &Path) -> bool {
     is_png && is_numbered && file.parent().is_some_and(|p| p.components().eq(folder.components()))
 }
 
-/// Rejects outputs whose folder is missing, before any work is done.
-///
-/// # Errors
-/// Status 5.
+/// Rejects outputs whose folder is missing, before any work is done. Fails with status 5.
 pub(super) fn check_folders(out: &Path, beside: Option<&Path>) -> Result<()> {
     output::check_folders(&std::iter::once(out).chain(beside).collect::<Vec<_>>())
 }

@@ -6,10 +6,8 @@ use crate::error::Result;
 use crate::progress::Progress;
 use crate::volume::io::{self, LoadOptions};
 
-/// Prints an input's contents as JSON. Notes about reading it go to standard error.
-///
-/// # Errors
-/// Status 3 when the input cannot be read, 5 when standard output cannot be written.
+/// Prints an input's contents as JSON. Notes about reading it go to standard error. Fails with status 3 when the input cannot be
+/// read, 5 when standard output cannot be written.
 pub(crate) fn run(args: &InfoArgs, global: &Global, progress: &Progress) -> Result<()> {
     let options = LoadOptions { allow_gaps: true, ..prepare::load_options(global) };
     let (value, notes) = io::inspect(&args.input, &options, progress)?;

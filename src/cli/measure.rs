@@ -48,11 +48,8 @@ impl From<&Measurement> for Written {
     }
 }
 
-/// Runs the command.
-///
-/// # Errors
-/// Returns status 3 if the input cannot be read, 4 if it has no gas of a colon, if nothing bulges at the place or if interrupted, 5 if an
-/// output cannot be written.
+/// Runs the command. Fails with status 3 if the input cannot be read, 4 if it has no gas of a colon, if nothing bulges at the place
+/// or if interrupted, 5 if an output cannot be written.
 pub(crate) fn run(args: &MeasureArgs, global: &Global, progress: &Progress) -> Result<()> {
     let iso = prepare::transfer(global)?.iso();
     let outputs: Vec<_> = args.out.iter().chain(&args.stats).map(std::path::PathBuf::as_path).collect();

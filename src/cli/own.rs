@@ -102,10 +102,7 @@ impl OwnCommand {
         (self.augment)(clap::Command::new(self.name)).about(self.summary)
     }
 
-    /// Runs the command with its arguments.
-    ///
-    /// # Errors
-    /// Returns the error of the command, or status 1 with its name if it panics.
+    /// Runs the command with its arguments. Returns the error of the command, or status 1 with its name if it panics.
     pub(crate) fn run(&self, matches: &ArgMatches, session: &Session<'_>) -> Result<()> {
         ask_plugin(|| format!("command {}", self.name), || (self.run)(matches, session))
     }

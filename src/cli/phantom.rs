@@ -9,10 +9,8 @@ use crate::phantom::{NOISE_HU, Phantom, PhantomSettings, Position, Scanner, Size
 use crate::progress::Progress;
 use crate::volume::io;
 
-/// Runs the command.
-///
-/// # Errors
-/// Returns status 2 for an unknown ending, slices or noise that cannot be, 4 if cancelled, 5 if an output cannot be written.
+/// Runs the command. Fails with status 2 for an unknown ending, slices or noise that cannot be, 4 if cancelled, 5 if an output
+/// cannot be written.
 pub(crate) fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> Result<()> {
     let volumes = || std::iter::once(&args.out).chain(&args.twin).map(PathBuf::as_path);
     let all: Vec<_> = volumes().chain(args.truth.as_deref()).chain(args.labels.as_deref()).collect();

@@ -23,11 +23,8 @@ const USED: [&str; 5] = ["plugins", "body", "tentacles", "mines", "watch"];
 /// Path of the picture without a display, if none was requested.
 const FALLBACK: &str = "plane.png";
 
-/// Runs the command.
-///
-/// # Errors
-/// Returns status 2 for invalid arguments, 3 for an unusable drawing, 4 if the flight calls the operator, 5 if the picture cannot be
-/// written.
+/// Runs the command. Fails with status 2 for invalid arguments, 3 for an unusable drawing, 4 if the flight calls the operator, 5 if
+/// the picture cannot be written.
 pub(crate) fn run(args: &PlaneArgs, progress: &Arc<Progress>) -> Result<()> {
     if let Some(out) = &args.out {
         headless::Film::check(out)?;
@@ -62,10 +59,8 @@ pub(crate) fn run(args: &PlaneArgs, progress: &Arc<Progress>) -> Result<()> {
     fly(flight, Path::new(FALLBACK), progress)
 }
 
-/// The settings of a scene file, as for a flight through a scan. Only tentacles work in a drawing, and nothing is rendered.
-///
-/// # Errors
-/// Returns status 3 if it cannot be read, 2 if it is not a scene or not one for a drawing.
+/// The settings of a scene file, as for a flight through a scan. Only tentacles work in a drawing, and nothing is rendered. Fails
+/// with status 3 if it cannot be read, 2 if it is not a scene or not one for a drawing.
 fn settings(path: &Path) -> Result<PlaneSettings> {
     let text = output::read_text(path, "give a scene file")?;
     let what = || path.display().to_string();

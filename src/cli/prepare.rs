@@ -22,10 +22,7 @@ use crate::space::TransferFunction;
 use crate::volume::io::{self, LoadOptions};
 use crate::volume::{Volume, hounsfield};
 
-/// Refuses invalid global options, even if the command ignores them; `scene` is a flight's scene file.
-///
-/// # Errors
-/// Status 2.
+/// Refuses invalid global options, even if the command ignores them; `scene` is a flight's scene file. Fails with status 2.
 pub(crate) fn check(program: &Program, global: &Global, scene: Option<&Path>) -> Result<()> {
     transfer(global)?;
     checked_options(global)?;
@@ -47,10 +44,7 @@ pub(crate) fn load_options(global: &Global) -> LoadOptions {
     }
 }
 
-/// The same, checked.
-///
-/// # Errors
-/// Returns status 2 if they are invalid.
+/// The same, checked. Fails with status 2 if they are invalid.
 fn checked_options(global: &Global) -> Result<LoadOptions> {
     if let Some(h) = global.hu.filter(|h| h.0 >= h.1) {
         return Err(Error::usage("--hu", format!("{} HU is not below {} HU", h.0, h.1), "give black,white"));
@@ -64,10 +58,7 @@ fn checked_options(global: &Global) -> Result<LoadOptions> {
     Ok(load_options(global))
 }
 
-/// The opacity ramp of `--wall`.
-///
-/// # Errors
-/// Returns status 2 if it is invalid.
+/// The opacity ramp of `--wall`. Fails with status 2 if it is invalid.
 pub(crate) fn transfer(global: &Global) -> Result<TransferFunction> {
     let Some(p) = global.wall else { return Ok(TransferFunction::default()) };
     if p.0.abs().max(p.1.abs()) > 32767.0 {
@@ -77,10 +68,7 @@ pub(crate) fn transfer(global: &Global) -> Result<TransferFunction> {
     TransferFunction::new(p.0 as f32, p.1 as f32)
 }
 
-/// The view angle of `--fov`, degrees, checked against the camera's limits.
-///
-/// # Errors
-/// Returns status 2 if it exceeds them.
+/// The view angle of `--fov`, degrees, checked against the camera's limits. Fails with status 2 if it exceeds them.
 pub(crate) fn fov(global: &Global, camera: CameraModel) -> Result<f64> {
     let fov = global.fov.unwrap_or(90.0);
     camera.camera(fov, 1.0).map_err(|e| match e.kind {
@@ -100,26 +88,18 @@ pub(crate) fn quality(name: Option<QualityName>) -> Settings {
     }
 }
 
-/// The renderer of `--preset`, or else of the scene.
-///
-/// # Errors
-/// Returns status 2 for an unknown name.
+/// The renderer of `--preset`, or else of the scene. Fails with status 2 for an unknown name.
 pub(crate) fn preset(program: &Program, named: Option<&str>, scene: Preset) -> Result<Preset> {
     named.map_or(Ok(scene), |name| program.catalog.find_preset(name))
 }
 
-/// The camera of `--camera`, or else of the scene.
-///
-/// # Errors
-/// Returns status 2 for an unknown name.
+/// The camera of `--camera`, or else of the scene. Fails with status 2 for an unknown name.
 pub(crate) fn camera(program: &Program, global: &Global, scene: CameraModel) -> Result<CameraModel> {
     global.camera.as_deref().map_or(Ok(scene), |name| program.catalog.find_camera(name))
 }
 
-/// Opens the input, or the embedded phantom if there is none, ready to render, and prints notes about it.
-///
-/// # Errors
-/// Returns status 2 for invalid options, 3 if it cannot be read, 4 if interrupted.
+/// Opens the input, or the embedded phantom if there is none, ready to render, and prints notes about it. Fails with status 2 for
+/// invalid options, 3 if it cannot be read, 4 if interrupted.
 pub(crate) fn open(input: Option<&Path>, global: &Global, preset: Preset, progress: &Arc<Progress>) -> Result<Scan> {
     let mut scan = open_unsaid(input, global, preset, progress)?;
     scan.take_notes().iter().for_each(|note| say(note));
@@ -127,9 +107,6 @@ pub(crate) fn open(input: Option<&Path>, global: &Global, preset: Preset, progre
 }
 
 /// Like [`open`], and leaves the notes to the caller.
-///
-/// # Errors
-/// As [`open`].
 pub(crate) fn open_unsaid(
     input: Option<&Path>,
     global: &Global,
@@ -150,10 +127,8 @@ pub(crate) fn open_unsaid(
     Scan::open_with(path, &options)
 }
 
-/// Reads the input without preparing it, takes its tag out if that is asked for, and prints notes about it.
-///
-/// # Errors
-/// As [`open`], and status 4 if it is to be cleansed and has one slice.
+/// Reads the input without preparing it, takes its tag out if that is asked for, and prints notes about it. Fails as [`open`] does,
+/// and with status 4 if it is to be cleansed and has one slice.
 pub(crate) fn load(input: &Path, global: &Global, timings: &mut Timings, progress: &Progress) -> Result<Volume> {
     let options = checked_options(global)?;
     let loaded = timings.time("load_s", || io::load(input, &options, progress))?;
@@ -169,10 +144,7 @@ pub(crate) fn load(input: &Path, global: &Global, timings: &mut Timings, progres
     Ok(volume)
 }
 
-/// Like [`load`], for a mask, which has no tag.
-///
-/// # Errors
-/// As [`open`], and status 3 if it is no mask.
+/// Like [`load`], for a mask, which has no tag. Fails as [`open`] does, and with status 3 if it is no mask.
 pub(crate) fn load_mask(input: &Path, global: &Global, timings: &mut Timings, progress: &Progress) -> Result<Volume> {
     if global.cleanse {
         say("--cleanse is ignored: a mask has no HU");
@@ -184,9 +156,6 @@ pub(crate) fn load_mask(input: &Path, global: &Global, timings: &mut Timings, pr
 }
 
 /// Like [`load`]; without an input it makes the embedded phantom.
-///
-/// # Errors
-/// As [`load`].
 pub(crate) fn load_or_phantom(input: Option<&Path>, global: &Global, progress: &Progress) -> Result<Volume> {
     input.map_or_else(
         || {
@@ -198,10 +167,7 @@ pub(crate) fn load_or_phantom(input: Option<&Path>, global: &Global, progress: &
     )
 }
 
-/// The colon in a scan.
-///
-/// # Errors
-/// Returns status 4 for a volume of one voxel or one slice, or if interrupted.
+/// The colon in a scan. Fails with status 4 for a volume of one voxel or one slice, or if interrupted.
 pub(crate) fn lumen(volume: &Volume, timings: &mut Timings, progress: &Progress) -> Result<Lumen> {
     check_thick(volume)?;
     let found = timings.time("lumen_s", || lumen::find(volume, progress))?;
@@ -214,10 +180,8 @@ pub(crate) fn lumen(volume: &Volume, timings: &mut Timings, progress: &Progress)
     Ok(found)
 }
 
-/// The colon in a scan; with a point (world, mm) the gas there, whatever it looks like.
-///
-/// # Errors
-/// As [`lumen`](fn@lumen), and status 4 if there is no gas at the point.
+/// The colon in a scan; with a point (world, mm) the gas there, whatever it looks like. Fails as [`lumen`](fn@lumen) does, and with
+/// status 4 if there is no gas at the point.
 pub(crate) fn lumen_from(
     volume: &Volume,
     from: Option<DVec3>,
@@ -233,11 +197,9 @@ pub(crate) fn lumen_from(
     })
 }
 
-/// The colon in a scan without its tag, which is taken out of `volume`, and what was taken, with the values that the scan had;
-/// with a point (world, mm) the gas there. Says what was taken. `with_along` measures along the scan as it is, as `centerline` does.
-///
-/// # Errors
-/// As [`lumen_from`], and status 4 if there is no colon.
+/// The colon in a scan without its tag, which is taken out of `volume`, and what was taken, with the values that the scan had; with
+/// a point (world, mm) the gas there. Says what was taken. `with_along` measures along the scan as it is, as `centerline` does.
+/// Fails as [`lumen_from`] does, and with status 4 if there is no colon.
 pub(crate) fn cleansed_lumen(
     volume: &mut Volume,
     from: Option<DVec3>,
@@ -266,10 +228,8 @@ pub(crate) fn no_lumen(volume: &Volume, lumen: &Lumen, hint: &str) -> Error {
     Error::incomplete("volume", format!("no gas of a colon was found in it{found}"), hint)
 }
 
-/// Returns the file of a command that takes either a scan or the mask of a lumen, and true if it is the mask.
-///
-/// # Errors
-/// Returns status 2 unless exactly one is given.
+/// Returns the file of a command that takes either a scan or the mask of a lumen, and true if it is the mask. Fails with status 2
+/// unless exactly one is given.
 pub(crate) fn scan_or_mask<'a>(
     command: &str,
     scan: Option<&'a Path>,

@@ -34,10 +34,8 @@ struct Pose {
     up: [f64; 3],
 }
 
-/// Runs the command.
-///
-/// # Errors
-/// Returns status 2 for invalid options, 3 for an unusable input, 4 if interrupted, 5 if an output cannot be written.
+/// Runs the command. Fails with status 2 for invalid options, 3 for an unusable input, 4 if interrupted, 5 if an output cannot be
+/// written.
 pub(crate) fn run(program: &Program, args: &RenderArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     if args.no_reuse && args.quality == Some(QualityName::Adaptive) {
         let why = "with --quality adaptive each picture goes on from the one before";

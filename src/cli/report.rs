@@ -34,10 +34,8 @@ const ALL: [(ReportSubject, &str); 9] = [
     (ReportSubject::Candidates, "candidates"),
 ];
 
-/// Runs the command.
-///
-/// # Errors
-/// Returns status 2 for invalid options, 3 for an unusable input, 4 if interrupted, 5 if an output cannot be written.
+/// Runs the command. Fails with status 2 for invalid options, 3 for an unusable input, 4 if interrupted, 5 if an output cannot be
+/// written.
 pub(crate) fn run(program: &Program, args: &ReportArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     prepare::transfer(global)?;
     prepare::fov(global, CameraModel::default())?;

@@ -55,11 +55,8 @@ struct Mark {
     length_mm: f64,
 }
 
-/// Runs the command.
-///
-/// # Errors
-/// Returns status 3 if the input cannot be read, 4 if it is too flat to have an interior, has no gas of a colon (mask and stats
-/// are written) or if interrupted, 5 if an output cannot be written.
+/// Runs the command. Fails with status 3 if the input cannot be read, 4 if it is too flat to have an interior, has no gas of a
+/// colon (mask and stats are written) or if interrupted, 5 if an output cannot be written.
 pub(crate) fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> Result<()> {
     files::check_folders(&args.out, args.stats.as_deref())?;
     io::check_ending(&args.out)?;

@@ -38,11 +38,8 @@ impl Format {
     }
 }
 
-/// Runs the command.
-///
-/// # Errors
-/// Returns status 2 for invalid options, 3 if the input cannot be read, 4 if the point is outside the scan or if interrupted, 5 if
-/// the picture cannot be written.
+/// Runs the command. Fails with status 2 for invalid options, 3 if the input cannot be read, 4 if the point is outside the scan or
+/// if interrupted, 5 if the picture cannot be written.
 pub(crate) fn run(args: &SliceArgs, global: &Global, progress: &Progress) -> Result<()> {
     let format = Format::of(&args.out)?;
     let usage = |option: &'static str, hint: &'static str| move |why: String| Error::usage(option, why, hint);

@@ -13,11 +13,8 @@ use crate::progress::Progress;
 use crate::surface::{LumenMesh, Measures, MeshFormat};
 use crate::volume::Volume;
 
-/// Runs the command.
-///
-/// # Errors
-/// Returns status 2 for an unknown ending or an input beside a mask, 3 if the input cannot be read, 4 if it has no lumen or if
-/// interrupted, 5 if an output cannot be written.
+/// Runs the command. Fails with status 2 for an unknown ending or an input beside a mask, 3 if the input cannot be read, 4 if it
+/// has no lumen or if interrupted, 5 if an output cannot be written.
 pub(crate) fn run(args: &SurfaceArgs, global: &Global, progress: &Progress) -> Result<()> {
     MeshFormat::of(&args.out)?;
     let iso = prepare::transfer(global)?.iso();

@@ -14,10 +14,7 @@ const OPTIONS: [&str; 3] = ["--second", "--normals", "--truth"];
 const VALUES: [(&str, &str); 3] = [("--camera", "fisheye"), ("--camera", "panorama"), ("<SUBJECT>", "unfold")];
 
 /// Refuses a command that is not built yet; `place` is the command's position in the line. An input with such a name needs a path
-/// (`./unfold`) or an explicit command (`fly unfold`).
-///
-/// # Errors
-/// Status 2.
+/// (`./unfold`) or an explicit command (`fly unfold`). Fails with status 2.
 pub(super) fn check_command(line: &[OsString], place: usize) -> Result<(), Error> {
     let named = line.get(place).and_then(|a| a.to_str()).and_then(|a| COMMANDS.into_iter().find(|c| *c == a));
     named.map_or(Ok(()), |command| {

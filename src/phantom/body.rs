@@ -292,8 +292,7 @@ pub(crate) fn lung_texture(seed: u64, p: DVec3, side: u64) -> f64 {
 }
 
 impl Organ {
-    /// Returns the depth below the surface in an adult's mm: a lower bound of the distance, exact along the shortest
-    /// half axis.
+    /// Returns the depth below the surface in an adult's mm: a lower bound of the distance, exact along the shortest half axis.
     pub(crate) fn depth(&self, o: DVec3) -> f64 {
         (1.0 - ((o - self.centre) * self.inverse).length()) * self.shortest
     }

@@ -284,9 +284,8 @@ impl Phantom {
 
     /// Returns the signed distance to the lumen's wall, mm: negative in gas and fluid, positive in tissue.
     ///
-    /// The distance is correct to first order near the wall and saturates at −8 and 6 mm. It is 0 exactly where the
-    /// value is −650 HU against gas. It is continuous except on the axis itself, where it is far into saturation or the
-    /// lumen is narrow.
+    /// The distance is correct to first order near the wall and saturates at −8 and 6 mm. It is 0 exactly where the value is −650
+    /// HU against gas. It is continuous except on the axis itself, where it is far into saturation or the lumen is narrow.
     pub fn wall(&self, world: DVec3) -> f64 {
         self.distances_among(world, &[self.all_knots()]).0.wall
     }

@@ -13,8 +13,7 @@ pub(crate) const FAT: f64 = -100.0;
 /// The wall's iso-value, HU: the middle of the default opacity ramp.
 pub(crate) const WALL_HU: f64 = -650.0;
 
-/// The argument where the normal distribution equals (WALL_HU − GAS) / (TISSUE − GAS). It makes distance 0 exactly
-/// [`WALL_HU`].
+/// The argument where the normal distribution equals (WALL_HU − GAS) / (TISSUE − GAS). It makes distance 0 exactly [`WALL_HU`].
 pub(crate) const SHIFT: f64 = -0.421_928_888_748_565_5;
 
 /// Returns the tissue fraction of a sheet of tissue, `thickness` mm between its two edges as seen by [`tissue_share`], at a signed
@@ -25,8 +24,7 @@ pub(crate) fn sheet_share(d: f64, thickness: f64, sigma: f64) -> f64 {
     (normal_cdf(u) + normal_cdf(thickness / sigma + 2.0 * SHIFT - u) - 1.0).max(0.0)
 }
 
-/// Returns the tissue fraction at a signed distance of `d` mm from the wall (positive in tissue), for a scanner blur of
-/// `sigma` mm.
+/// Returns the tissue fraction at a signed distance of `d` mm from the wall (positive in tissue), for a scanner blur of `sigma` mm.
 pub(crate) fn tissue_share(d: f64, sigma: f64) -> f64 {
     normal_cdf(d / sigma + SHIFT)
 }
@@ -44,8 +42,7 @@ pub(crate) fn smooth_step(lo: f64, hi: f64, x: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// Returns a C1 maximum: the larger value where `a` and `b` differ by `k` or more, and `k`/4 above where they are
-/// equal.
+/// Returns a C1 maximum: the larger value where `a` and `b` differ by `k` or more, and `k`/4 above where they are equal.
 #[inline]
 pub(crate) fn smooth_max(a: f64, b: f64, k: f64) -> f64 {
     let h = (k - (a - b).abs()).max(0.0);

@@ -95,8 +95,7 @@ impl Spline {
         self.step * (self.points.len() - 1) as f64
     }
 
-    /// Returns the value and derivatives at `s`, clamped to the knots' range. Inlined, so that a caller computes only what
-    /// it uses.
+    /// Returns the value and derivatives at `s`, clamped to the knots' range. Inlined, so that a caller computes only what it uses.
     #[inline(always)]
     pub(crate) fn jet(&self, s: f64) -> Jet {
         let x = (s / self.step).clamp(0.0, (self.points.len() - 1) as f64);

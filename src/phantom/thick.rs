@@ -65,10 +65,8 @@ impl Phantom {
     }
 }
 
-/// Returns `fine` with slices of `slice_mm` along its third axis. As many as fit are centred on it.
-///
-/// # Errors
-/// Returns status 2 if `slice_mm` is not finite, less than the grid's own spacing, or so large that less than two slices fit.
+/// Returns `fine` with slices of `slice_mm` along its third axis. As many as fit are centred on it. Fails with status 2 if
+/// `slice_mm` is not finite, less than the grid's own spacing, or so large that less than two slices fit.
 pub(crate) fn thick_grid(fine: &Grid, slice_mm: f64) -> Result<Grid> {
     let ([nx, ny, nz], spacing) = (fine.dims(), fine.spacing());
     let (least, most) = (spacing.z, 0.5 * nz as f64 * spacing.z);

@@ -15,8 +15,7 @@ use super::{Phantom, Position};
 /// The ground truth of a phantom.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Truth {
-    /// Points of the axis from rectum to cecum, about 1 mm apart, world mm LPS. Both ends are the centres of the
-    /// rounded end walls.
+    /// Points of the axis from rectum to cecum, about 1 mm apart, world mm LPS. Both ends are the centres of the rounded end walls.
     pub centerline: Vec<DVec3>,
     /// Mean radius of the lumen, without folds, at each point, mm.
     pub radius_mm: Vec<f64>,
@@ -140,8 +139,7 @@ impl Phantom {
             }
             sum
         };
-        // Sums within a layer and over layers have a fixed order, so the result does not depend on the number of
-        // threads.
+        // Sums within a layer and over layers have a fixed order, so the result does not depend on the number of threads.
         let layers: Vec<f64> = (0..bricks.z as i64).into_par_iter().map(layer).collect();
         layers.iter().sum::<f64>() * CELL.powi(3) / 1000.0
     }

@@ -34,8 +34,7 @@ impl Drawing {
     /// Creates a drawing of `width` × `height` pixels, row by row, without start and goal. Messages call it `what`.
     ///
     /// # Errors
-    /// Returns status 3 if the drawing is too small or too large, has the wrong number of pixels, or has no lumen or no
-    /// wall.
+    /// Returns status 3 if the drawing is too small or too large, has the wrong number of pixels, or has no lumen or no wall.
     pub fn new(what: &str, ImageSize { width, height }: ImageSize, lumen: Vec<bool>) -> Result<Self> {
         let refuse = |why: String, hint: &str| Err(Error::input(what, why, hint));
         if width < 3 || height < 3 {

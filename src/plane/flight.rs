@@ -1,8 +1,7 @@
 //! A flight through a drawing.
 //!
-//! It has a separate step function, not the scheduled systems of three-dimensional flights, because it has no operator,
-//! no view to turn and no plug-ins. Both share the functions of [`crate::dynamics`] for sensing, steering, moving and
-//! recovery.
+//! It has a separate step function, not the scheduled systems of three-dimensional flights, because it has no operator, no view to
+//! turn and no plug-ins. Both share the functions of [`crate::dynamics`] for sensing, steering, moving and recovery.
 
 use glam::DVec3;
 

@@ -1,5 +1,4 @@
-//! Tentacles and mines in two dimensions (paper, figure 6): a drawn lumen and the same kernels as in the scan, one
-//! dimension lower.
+//! Tentacles and mines in two dimensions (paper, figure 6): a drawn lumen and the same kernels as in the scan, one dimension lower.
 //!
 //! The drawing is in the plane z = 0: x points right and y down, [`drawing::MM_PER_PIXEL`] mm per pixel, with the origin
 //! at the upper left corner. Steering, mines, body, the step that cannot perforate and trap detection come from

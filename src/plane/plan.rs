@@ -32,10 +32,8 @@ pub struct Plan {
 
 /// Plans a flight from the red mark to the green one.
 ///
-/// If the drawing lacks a mark, that end is the place farthest from the other, along paths wide enough for the body.
-///
-/// # Errors
-/// Returns status 4 if the body fits nowhere, or not at the start.
+/// If the drawing lacks a mark, that end is the place farthest from the other, along paths wide enough for the body. Fails with
+/// status 4 if the body fits nowhere, or not at the start.
 pub(crate) fn plan(walls: &Walls, radius_mm: f64) -> Result<Plan> {
     let drawing = walls.drawing();
     let mut notes = Vec::new();
@@ -73,10 +71,7 @@ pub(crate) fn plan(walls: &Walls, radius_mm: f64) -> Result<Plan> {
     Ok(Plan { start, goal, within_mm, notes })
 }
 
-/// Returns a start near another position (mm): the nearest place with room within 5 mm.
-///
-/// # Errors
-/// Returns status 4 if there is none.
+/// Returns a start near another position (mm): the nearest place with room within 5 mm. Fails with status 4 if there is none.
 pub(crate) fn start_at(walls: &Walls, at: DVec3, radius_mm: f64) -> Result<DVec3> {
     let fits = |p: DVec3| walls.clearance(p).mm > radius_mm + ROOM_MM;
     roomy(at, &fits, &mut Vec::new()).ok_or_else(|| {

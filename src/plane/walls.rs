@@ -80,8 +80,7 @@ impl Walls {
         }
     }
 
-    /// Returns the squared distance to the nearest point of a wall pixel within the limit, and its offset from `u`, in
-    /// pixels.
+    /// Returns the squared distance to the nearest point of a wall pixel within the limit, and its offset from `u`, in pixels.
     fn nearest(&self, u: [f64; 2]) -> (f64, [f64; 2]) {
         let limit = self.limit / MM_PER_PIXEL;
         let (w, h) = (self.drawing.width() as f64, self.drawing.height() as f64);

@@ -43,10 +43,7 @@ impl Dots {
         t
     }
 
-    /// Returns the plot as an SVG element.
-    ///
-    /// # Errors
-    /// Returns status 1 if it cannot be drawn.
+    /// Returns the plot as an SVG element. Fails with status 1 if it cannot be drawn.
     pub(crate) fn svg(&self) -> Result<String> {
         let mut svg = String::new();
         self.draw(&mut svg).map_err(|e| Error::fault("plot", e, "report it"))?;

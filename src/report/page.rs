@@ -22,10 +22,7 @@ pub(crate) struct Page {
 }
 
 impl Page {
-    /// Creates a page `report.html` in `folder`, and the folder.
-    ///
-    /// # Errors
-    /// Returns status 5 if the folder cannot be created.
+    /// Creates a page `report.html` in `folder`, and the folder. Fails with status 5 if the folder cannot be created.
     pub(crate) fn new(folder: &Path, title: &str) -> Result<Self> {
         output::make_folder(folder)?;
         Ok(Self { folder: folder.to_owned(), title: title.to_owned(), body: String::new() })
@@ -46,27 +43,20 @@ impl Page {
         self.body.push_str(&format!("<p class=finding>{}</p>\n", escape(text)));
     }
 
-    /// Adds a table, and writes `name.csv` beside the page.
-    ///
-    /// # Errors
-    /// Returns status 5 if the CSV file cannot be written.
+    /// Adds a table, and writes `name.csv` beside the page. Fails with status 5 if the CSV file cannot be written.
     pub(crate) fn table(&mut self, name: &str, table: &Table) -> Result<()> {
         self.body.push_str(&table.html());
         self.csv(name, table)
     }
 
-    /// Adds a plot with a caption, and writes its numbers to `name.csv`.
-    ///
-    /// # Errors
-    /// Returns status 5 if the CSV file cannot be written, status 1 if the plot cannot be drawn.
+    /// Adds a plot with a caption, and writes its numbers to `name.csv`. Fails with status 5 if the CSV file cannot be written,
+    /// status 1 if the plot cannot be drawn.
     pub(crate) fn plot(&mut self, name: &str, plot: &Plot, caption: &str) -> Result<()> {
         self.figure(name, &plot.svg()?, caption, &plot.table())
     }
 
-    /// Adds a dot plot with a caption, and writes its numbers to `name.csv`.
-    ///
-    /// # Errors
-    /// Returns status 5 if the CSV file cannot be written, status 1 if the plot cannot be drawn.
+    /// Adds a dot plot with a caption, and writes its numbers to `name.csv`. Fails with status 5 if the CSV file cannot be written,
+    /// status 1 if the plot cannot be drawn.
     pub(crate) fn dots(&mut self, name: &str, dots: &Dots, caption: &str) -> Result<()> {
         self.figure(name, &dots.svg()?, caption, &dots.table())
     }
@@ -77,10 +67,7 @@ impl Page {
         self.csv(name, numbers)
     }
 
-    /// Writes only `name.csv`.
-    ///
-    /// # Errors
-    /// Returns status 5 if it cannot be written.
+    /// Writes only `name.csv`. Fails with status 5 if it cannot be written.
     pub(crate) fn csv(&self, name: &str, table: &Table) -> Result<()> {
         let path = self.folder.join(format!("{name}.csv"));
         output::write_whole(&path, |w| w.write_all(table.csv().as_bytes()))
@@ -95,10 +82,7 @@ impl Page {
         ));
     }
 
-    /// Writes the page.
-    ///
-    /// # Errors
-    /// Returns status 5 if it cannot be written.
+    /// Writes the page. Fails with status 5 if it cannot be written.
     pub(crate) fn finish(self) -> Result<()> {
         output::write_whole(&self.folder.join("report.html"), |w| {
             let title = escape(&self.title);

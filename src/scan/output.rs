@@ -122,8 +122,7 @@ impl AtomicFile {
                     #[cfg(unix)]
                     {
                         use std::os::unix::fs::PermissionsExt;
-                        // Use default permissions (the umask still applies), not the owner-only ones of a temporary
-                        // file.
+                        // Use default permissions (the umask still applies), not the owner-only ones of a temporary file.
                         let mode = existing.as_ref().map_or(0o666, |m| m.permissions().mode() & 0o777);
                         _builder.permissions(std::fs::Permissions::from_mode(mode));
                     }

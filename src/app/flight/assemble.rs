@@ -129,11 +129,9 @@ impl FlightApp {
         }
     }
 
-    /// Puts back what systems of other crates have taken from the scan and the camera in a step or frame with this outcome, and ends
-    /// the flight: what they knew is lost.
-    ///
-    /// # Errors
-    /// Returns the error of the step or frame, or status 1 if the code that drives the flight has taken it.
+    /// Puts back what systems of other crates have taken from the scan and the camera in a step or frame with this outcome, and
+    /// ends the flight: what they knew is lost. Returns the error of the step or frame, or status 1 if the code that drives the
+    /// flight has taken it.
     pub(super) fn restored(&mut self, outcome: Result<()>) -> Result<()> {
         let Some(former) = self.app.take_lost() else { return outcome };
         let outcome = outcome.and_then(|()| {

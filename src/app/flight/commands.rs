@@ -127,8 +127,7 @@ impl FlightApp {
         Ok(())
     }
 
-    /// Rebuilds the flight after a change. If that fails, `back` undoes the change and the flight is rebuilt for its former
-    /// state.
+    /// Rebuilds the flight after a change. If that fails, `back` undoes the change and the flight is rebuilt for its former state.
     pub(super) fn change(&mut self, back: impl FnOnce(&mut Self)) -> Result<()> {
         self.build_scene().or_else(|e| {
             back(self);

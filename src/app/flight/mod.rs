@@ -120,11 +120,9 @@ impl FlightApp {
         Self::with_fields(setup, progress)
     }
 
-    /// Creates a flight at its start with fields that are [built](Fields::build) for its plan. `progress` reports the building
-    /// of those that a later change of guide, direction or segment needs.
-    ///
-    /// # Errors
-    /// Returns an error if the scene is inconsistent or a field that its guide needs is missing.
+    /// Creates a flight at its start with fields that are [built](Fields::build) for its plan. `progress` reports the building of
+    /// those that a later change of guide, direction or segment needs. Fails if the scene is inconsistent or a field that its guide
+    /// needs is missing.
     pub(crate) fn with_fields(setup: Setup, progress: Arc<Progress>) -> Result<Self> {
         let Setup { volume, scene, .. } = &setup;
         scene.check()?;

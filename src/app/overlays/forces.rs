@@ -23,8 +23,7 @@ pub const OVERLAY: Overlay =
 /// Length of an arrow in the views of the surroundings, and in the picture, mm for each mm/s².
 const MM_A_FORCE: f64 = 0.16;
 const IN_PICTURE: f64 = 0.12;
-/// Smallest distance of the arrows' origin in the picture, mm. They begin at the distance at which this length spans twice as
-/// much.
+/// Smallest distance of the arrows' origin in the picture, mm. They begin at the distance at which this length spans twice as much.
 const AHEAD_MM: f64 = 30.0;
 /// Longest arrow in the picture, mm: it must not reach behind the camera.
 const LONGEST_MM: f64 = 26.0;

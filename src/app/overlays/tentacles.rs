@@ -1,8 +1,7 @@
 //! The tentacles: where each of them meets the wall, and at which distance.
 //!
-//! A tentacle begins at the eye, so in the picture it is a point: the point of the wall that it touches, drawn larger the nearer
-//! it is. Nothing can hide that point, since the ray that found it went there. The views of the surroundings show tentacles as
-//! lines.
+//! A tentacle begins at the eye, so in the picture it is a point: the point of the wall that it touches, drawn larger the nearer it
+//! is. Nothing can hide that point, since the ray that found it went there. The views of the surroundings show tentacles as lines.
 
 use super::surroundings::surroundings;
 use super::{GREY, ORANGE, SKY, WHITE, dot, legend_row, legend_text, ring};

@@ -36,10 +36,8 @@ pub(super) struct Scene<'a> {
     pub(super) is_ordered: bool,
 }
 
-/// Writes the pictures of the first candidates into `folder`, and the page last. Returns how many candidates have pictures.
-///
-/// # Errors
-/// Returns status 4 if interrupted, 5 if a file cannot be written.
+/// Writes the pictures of the first candidates into `folder`, and the page last. Returns how many candidates have pictures. Fails
+/// with status 4 if interrupted, 5 if a file cannot be written.
 pub(super) fn write(
     folder: &Path,
     scene: Scene<'_>,

@@ -21,11 +21,8 @@ use crate::progress::Progress;
 /// How far beyond the lumen the scan is kept for pictures, mm.
 const PICTURE_MM: f64 = 50.0;
 
-/// Runs the command.
-///
-/// # Errors
-/// Returns status 2 for an unknown detector, 3 if the input cannot be read, 4 if it has no gas of a colon or if interrupted, 5 if an
-/// output cannot be written.
+/// Runs the command. Fails with status 2 for an unknown detector, 3 if the input cannot be read, 4 if it has no gas of a colon or
+/// if interrupted, 5 if an output cannot be written.
 pub(crate) fn run(program: &Program, args: &CandidatesArgs, global: &Global, progress: &Progress) -> Result<()> {
     let detector = program.catalog.find_detector(args.detector.as_deref().unwrap_or(detectors::BUILT_IN[0].name))?;
     let transfer = prepare::transfer(global)?;
@@ -58,10 +55,8 @@ pub(crate) fn run(program: &Program, args: &CandidatesArgs, global: &Global, pro
     Ok(())
 }
 
-/// Rejects outputs whose folder is missing, and makes the gallery's folder.
-///
-/// # Errors
-/// Returns status 5 if a folder is missing or cannot be made.
+/// Rejects outputs whose folder is missing, and makes the gallery's folder. Fails with status 5 if a folder is missing or cannot be
+/// made.
 fn check_outputs(args: &CandidatesArgs) -> Result<()> {
     let files: Vec<&Path> = std::iter::once(&args.out).chain(&args.stats).map(PathBuf::as_path).collect();
     if let Some(folder) = &args.gallery {

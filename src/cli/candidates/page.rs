@@ -187,10 +187,7 @@ pub(super) struct Page<'a> {
 }
 
 impl Page<'_> {
-    /// Writes the page.
-    ///
-    /// # Errors
-    /// Returns status 5 if it cannot be written.
+    /// Writes the page. Fails with status 5 if it cannot be written.
     pub(super) fn write(&self, path: &Path) -> Result<()> {
         let (all, shown) = (self.all.len(), self.cards.len());
         let count = match all - shown {

@@ -58,8 +58,7 @@ pub(super) struct Stats {
 }
 
 impl Covering {
-    /// # Errors
-    /// Returns status 2 for a view angle that is none.
+    /// Fails with status 2 for an invalid view angle.
     pub(super) fn asked(args: &FlyArgs, global: &Global) -> Result<Option<Self>> {
         if !args.coverage && args.coverage_mesh.is_none() && !args.review {
             return Ok(None);

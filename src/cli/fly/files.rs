@@ -45,10 +45,7 @@ pub(crate) fn read_commands(path: &Path) -> Result<Vec<TimedCommand>> {
     }
 }
 
-/// Writes operator input, one [`TimedCommand`] per line.
-///
-/// # Errors
-/// Returns status 5 if it cannot be written.
+/// Writes operator input, one [`TimedCommand`] per line. Fails with status 5 if it cannot be written.
 pub(crate) fn write_commands(path: &Path, commands: &[TimedCommand]) -> Result<()> {
     output::write_whole(path, |w| {
         for act in commands {

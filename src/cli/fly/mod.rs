@@ -38,11 +38,8 @@ const SHORT_FILM: &str = "flight/flight.gif";
 const SHORT_LOG: &str = "flight/flight.jsonl";
 const SHORT_FOLDER: &str = "flight";
 
-/// Runs the command.
-///
-/// # Errors
-/// Returns status 2 for invalid options, 3 for an unusable input, 4 if the flight cannot be completed, 5 if an output cannot be
-/// written.
+/// Runs the command. Fails with status 2 for invalid options, 3 for an unusable input, 4 if the flight cannot be completed, 5 if an
+/// output cannot be written.
 pub(crate) fn run(program: &Program, args: &FlyArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     check(args)?;
     check_files(args)?;
@@ -69,10 +66,7 @@ pub(crate) fn run(program: &Program, args: &FlyArgs, global: &Global, progress: 
     fly_with(program, &args, global, progress, Extent::Asked)
 }
 
-/// Refuses invalid combinations before anything is read.
-///
-/// # Errors
-/// Status 2.
+/// Refuses invalid combinations before anything is read. Fails with status 2.
 pub(crate) fn check(args: &FlyArgs) -> Result<()> {
     for (name, value) in [("--seconds", args.seconds), ("--fps", args.fps), ("--rate", args.rate)] {
         if let Some(v) = value.filter(|v| !(v.is_finite() && *v > 0.0)) {
@@ -140,10 +134,7 @@ pub(crate) enum Screen {
     None,
 }
 
-/// The scene of the arguments; options override the scene file.
-///
-/// # Errors
-/// Returns status 2 for an invalid scene.
+/// The scene of the arguments; options override the scene file. Fails with status 2 for an invalid scene.
 pub(crate) fn scene(program: &Program, args: &FlyArgs, global: &Global, screen: Screen) -> Result<Scene> {
     let mut scene = match args.scene.as_deref() {
         Some(file) => Scene::read(file, &program.catalog)?,
@@ -175,10 +166,8 @@ pub(crate) fn scene(program: &Program, args: &FlyArgs, global: &Global, screen: 
     Ok(scene)
 }
 
-/// The program's overlays with the scene's settings; those of `--overlay` are visible from the start.
-///
-/// # Errors
-/// Returns status 2 for an unknown overlay or one that cannot be drawn.
+/// The program's overlays with the scene's settings; those of `--overlay` are visible from the start. Fails with status 2 for an
+/// unknown overlay or one that cannot be drawn.
 fn overlays(program: &Program, args: &FlyArgs, scene: &Scene) -> Result<Vec<Overlay>> {
     for name in &args.overlay {
         program.catalog.find_overlay(name)?;
@@ -205,9 +194,7 @@ pub(crate) fn request(args: &FlyArgs) -> FlightRequest {
 }
 
 /// Image settings. A window always adapts its detail, whatever the quality, because an operator cannot steer by late pictures.
-///
-/// # Errors
-/// Returns status 2 for an invalid view angle.
+/// Fails with status 2 for an invalid view angle.
 fn image_settings(
     program: &Program,
     args: &FlyArgs,
@@ -237,18 +224,12 @@ fn image_settings(
     })
 }
 
-/// Opens the scan for a scene.
-///
-/// # Errors
-/// Returns status 2 for invalid options, 3 if it cannot be read, 4 if interrupted.
+/// Opens the scan for a scene. Fails with status 2 for invalid options, 3 if it cannot be read, 4 if interrupted.
 pub(crate) fn open(args: &FlyArgs, global: &Global, scene: &Scene, progress: &Arc<Progress>) -> Result<Scan> {
     prepare::open(args.input.as_deref(), global, scene.image.preset, progress)
 }
 
 /// Prepares the flight through a scan and prints notes.
-///
-/// # Errors
-/// As [`Scan::flight`].
 pub(crate) fn flight(args: &FlyArgs, scan: &mut Scan, scene: Scene) -> Result<FlightApp> {
     let made = scan.flight(scene, &request(args));
     scan.take_notes().iter().for_each(|note| say(note));
@@ -433,10 +414,8 @@ fn stats(
     m.into()
 }
 
-/// Adds what plug-ins tell to the stats, under `plugins` and their names, if stats are written.
-///
-/// # Errors
-/// Returns status 1 with the name of the first that panics. What the others tell is added all the same.
+/// Adds what plug-ins tell to the stats, under `plugins` and their names, if stats are written. Fails with status 1 and the name
+/// of the first that panics. What the others tell is added all the same.
 fn ask_plugins(args: &FlyArgs, flight: &FlightApp, stats: &mut serde_json::Value) -> Result<()> {
     if args.stats.is_none() {
         return Ok(());

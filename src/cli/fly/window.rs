@@ -93,10 +93,8 @@ impl Way {
         Self { scene, request: request(args), cleanse: global.cleanse, mm_s: None }
     }
 
-    /// The way through the whole colon: from the rectum along the centerline, through what was fluid and stool.
-    ///
-    /// # Errors
-    /// Returns status 2 for invalid arguments.
+    /// The way through the whole colon: from the rectum along the centerline, through what was fluid and stool. Fails with status 2
+    /// for invalid arguments.
     fn whole(program: &Program, args: &FlyArgs, global: &Global) -> Result<Self> {
         let args = FlyArgs { guide: Some(WHOLE.to_owned()), from: Some(Point::Rectum), ..args.clone() };
         let scene = scene(program, &args, global, Screen::Window)?;
@@ -104,10 +102,7 @@ impl Way {
     }
 }
 
-/// Checks that a flight has written the files that were asked for.
-///
-/// # Errors
-/// Returns status 4 if there was none.
+/// Checks that a flight has written the files that were asked for. Fails with status 4 if there was none.
 fn all_written(args: &FlyArgs, is_flown: bool) -> Result<()> {
     let asked = [&args.log, &args.stats, &args.coverage_mesh, &args.record_input].into_iter().flatten().next();
     match asked.filter(|_| !is_flown) {
@@ -277,8 +272,6 @@ struct Departure {
 
 impl Departure {
     /// Prepares the flight that is asked for. If there is none, a reader may look at the scan's slices, and start elsewhere.
-    ///
-    /// # Errors
     /// Returns the error of the flight if it repeats another, or if its length was given: nobody looks at those.
     fn depart(mut self, progress: &Arc<Progress>) -> Result<window::Ready> {
         let told = self.scan.told().to_vec();

@@ -40,7 +40,6 @@ pub struct Heading(pub DVec3);
 pub struct Contact {
     /// Distance from the camera's centre to the nearest wall, mm; a lower bound above the finder's limit.
     pub clearance_mm: f64,
-    /// Number of consecutive steps in which the body was in the wall, or closer to it than its radius, and found no way
-    /// out.
+    /// Number of consecutive steps in which the body was in the wall, or closer to it than its radius, and found no way out.
     pub stuck_steps: u32,
 }

@@ -44,8 +44,7 @@ pub struct Accumulator {
 impl Accumulator {
     /// Returns the number of whole steps of `1/hz` s in the kept remainder plus `elapsed`, at most `most`.
     ///
-    /// If the limit is reached, the remainder is dropped, so a slow machine flies slower instead of falling ever further
-    /// behind.
+    /// If the limit is reached, the remainder is dropped, so a slow machine flies slower instead of falling ever further behind.
     pub fn take(&mut self, elapsed: Duration, hz: u32, most: u32) -> u32 {
         self.rest += elapsed;
         let step = Duration::from_nanos(1_000_000_000 / u64::from(hz.max(1)));

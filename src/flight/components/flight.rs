@@ -73,8 +73,7 @@ impl Flown {
 
 /// A guide's call for help that has not been answered yet.
 ///
-/// The guide itself may answer it in the set [`Answer`](crate::schedule::FlightSystems::Answer); otherwise the operator
-/// does.
+/// The guide itself may answer it in the set [`Answer`](crate::schedule::FlightSystems::Answer); otherwise the operator does.
 #[derive(Component, Clone, Debug, Default)]
 pub struct HelpCall(pub Option<Help>);
 

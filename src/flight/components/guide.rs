@@ -22,8 +22,7 @@ pub struct GuideThrust {
     pub wall: DVec3,
     /// Unit direction of the path ahead, world; zero if the guide knows none. The view turns there.
     pub look_direction: DVec3,
-    /// True if the thrust is that of a plan and acts unchanged: it already includes the operator's speed and starts
-    /// gently.
+    /// True if the thrust is that of a plan and acts unchanged: it already includes the operator's speed and starts gently.
     pub exact: bool,
 }
 
@@ -34,8 +33,7 @@ impl GuideThrust {
     /// The name of an invalid direction.
     pub(crate) const DIRECTION: &'static str = "direction";
 
-    /// Removes invalid accelerations and directions: values that are not finite, and accelerations that are absurdly
-    /// large.
+    /// Removes invalid accelerations and directions: values that are not finite, and accelerations that are absurdly large.
     ///
     /// Returns the name of the invalid value, if there was one.
     pub fn sanitize(&mut self) -> Option<&'static str> {
@@ -116,8 +114,7 @@ impl Gaze {
     }
 }
 
-/// Marks a camera that its guide moves automatically; its flight is watched. Absent if the guide leaves everything to the
-/// operator.
+/// Marks a camera that its guide moves automatically; its flight is watched. Absent if the guide leaves everything to the operator.
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct Automatic;
 

@@ -165,8 +165,7 @@ const NAMES: [&str; 16] = [
 ];
 const HAND_NAMES: usize = 7;
 
-/// Written by hand, because serde's untagged enums do not report which command is unknown, or which number is wrong and
-/// where.
+/// Written by hand, because serde's untagged enums do not report which command is unknown, or which number is wrong and where.
 impl<'de> Deserialize<'de> for Command {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_enum("Command", &NAMES, CommandVisitor)

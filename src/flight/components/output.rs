@@ -42,12 +42,10 @@ pub struct FlightLog(pub Vec<LogLine>);
 #[derive(Resource, Clone, Copy, Debug)]
 pub struct GuideName(pub &'static str);
 
-/// A view: an image of the scan and the settings it is made with. Every entity with this component is rendered each
-/// frame.
+/// A view: an image of the scan and the settings it is made with. Every entity with this component is rendered each frame.
 ///
-/// The camera has one in a scene with a window or a recording. Add more with
-/// `app::Views::add`, or spawn them. An entity with a view needs a viewpoint: its
-/// own [`Pose`], or [`Follows`].
+/// The camera has one in a scene with a window or a recording. Add more with `app::Views::add`, or spawn them. An entity with a
+/// view needs a viewpoint: its own [`Pose`], or [`Follows`].
 #[derive(Component)]
 #[require(FrameCache)]
 pub struct Picture {

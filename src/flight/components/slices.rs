@@ -53,9 +53,8 @@ impl Orientation {
 
 /// A slice of the scan. It is redrawn in every frame in which it has changed.
 ///
-/// It passes through a given place, or follows the flight's camera. The axis-aligned slices show the layer of voxels
-/// nearest to that place, and the same part of the body until they are moved. The slice across the path is centred on the
-/// place.
+/// It passes through a given place, or follows the flight's camera. The axis-aligned slices show the layer of voxels nearest to
+/// that place, and the same part of the body until they are moved. The slice across the path is centred on the place.
 #[derive(Component, Clone, Debug)]
 pub struct SliceView {
     /// Orientation.
@@ -168,8 +167,7 @@ impl SliceView {
         let centre = if across {
             place
         } else {
-            // Snap to a layer of voxels: nothing is interpolated between layers, and a slow flight seldom changes the
-            // image.
+            // Snap to a layer of voxels: nothing is interpolated between layers, and a slow flight seldom changes the image.
             let layer = snap(grid, place, normal);
             middle + normal * (layer - middle).dot(normal)
         };
@@ -248,8 +246,7 @@ impl SliceView {
         self.shown = Some(wanted);
     }
 
-    /// Fills the image with the values of another plane: at full resolution, or with larger pixels if that takes too many
-    /// samples.
+    /// Fills the image with the values of another plane: at full resolution, or with larger pixels if that takes too many samples.
     fn fill(&mut self, scan: Patched<'_>, slice: Slice, slab: Slab) {
         let samples = slice.size[0] * slice.size[1] * slab.samples_a_pixel(scan.volume.grid());
         let most = self.budget.filter(|_| slab.mm() > 0.0);

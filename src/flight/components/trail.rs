@@ -18,8 +18,7 @@ const CALLS: usize = 64;
 /// The views of a flight, in order, each with its share of the path (0 to 1, from the current start to the current goal).
 ///
 /// The share matches what the operator is shown: it comes from the plan, or without one from the distance flown over the
-/// approximate length of the path. It is reversed after the flight turns round, and after a jump it counts from the new
-/// position.
+/// approximate length of the path. It is reversed after the flight turns round, and after a jump it counts from the new position.
 #[derive(Component, Clone, Debug, Default)]
 pub struct Trail {
     views: Vec<(DVec3, Attitude)>,

@@ -360,8 +360,7 @@ impl App {
 
     /// Adds components to the camera.
     ///
-    /// Components of a scene, for example those of its guide, are removed when the scene changes. Those of a plug-in
-    /// stay.
+    /// Components of a scene, for example those of its guide, are removed when the scene changes. Those of a plug-in stay.
     pub fn equip<B: Bundle>(&mut self, components: B) -> &mut Self {
         if self.owner == Owner::Scene {
             self.strip.push(|camera| {
@@ -586,8 +585,7 @@ impl App {
         taken(who, what)
     }
 
-    /// Reports faults since the last call, including those outside a schedule: see
-    /// [`report_fault`](super::report_fault).
+    /// Reports faults since the last call, including those outside a schedule: see [`report_fault`](super::report_fault).
     ///
     /// # Errors
     /// Returns status 1 for the first fault that was caught.
@@ -611,8 +609,7 @@ impl App {
         first
     }
 
-    /// Returns the owner of a system. A command has a separate name and belongs to the owner of the system that it is
-    /// written in.
+    /// Returns the owner of a system. A command has a separate name and belongs to the owner of the system that it is written in.
     fn owner_of(&self, name: &str) -> Option<usize> {
         let written_in =
             || self.owners.iter().find(|(system, _)| name.contains(system.as_str())).map(|(_, owner)| owner);
@@ -658,10 +655,7 @@ fn schedule(label: impl ScheduleLabel, sets: &[FlightSystems]) -> Schedule {
     s
 }
 
-/// Builds a schedule.
-///
-/// # Errors
-/// Returns status 1 if the schedule is ambiguous or its order is circular.
+/// Builds a schedule. Fails with status 1 if the schedule is ambiguous or its order is circular.
 fn build(schedule: &mut Schedule, world: &mut World) -> Result<()> {
     match schedule.initialize(world) {
         Ok(_) => Ok(()),

@@ -18,8 +18,7 @@ use crate::render::options::unread;
 /// It is on the scan entity ([`components::scan`](crate::components::scan)) for as long as the guide steers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Needs {
-    /// Distances to the wall and to the target, with derivatives:
-    /// [`WallDistances`](crate::components::scan::WallDistances) and
+    /// Distances to the wall and to the target, with derivatives: [`WallDistances`](crate::components::scan::WallDistances) and
     /// [`TargetDistances`](crate::components::scan::TargetDistances).
     pub distances: bool,
     /// The centerline from start to goal: [`Centerline`](crate::components::scan::Centerline).
@@ -36,8 +35,7 @@ impl Needs {
         Self { distances: false, centerline: false, planner: CenterlineMethod::PenalisedPath, fluid_as_gas: false };
 }
 
-/// A navigation method, built in or external. The value holds its settings: those under its name in a scene file, or the
-/// defaults.
+/// A navigation method, built in or external. The value holds its settings: those under its name in a scene file, or the defaults.
 ///
 /// The command line, the keys, the help, `explain`, the preparation and the progress know a guide only through this
 /// trait. `examples/own_guide.rs` is a complete example.
@@ -55,8 +53,7 @@ pub trait Guide: Clone + Debug + Default + DeserializeOwned + Send + Sync + 'sta
     /// True if the guide moves the camera automatically. Its flight is then watched.
     const AUTOMATIC: bool = true;
 
-    /// Returns the data that must be built for these settings. Defaults to [`Guide::NEEDS`]; override it if it depends on
-    /// settings.
+    /// Returns the data that must be built for these settings. Defaults to [`Guide::NEEDS`]; override it if it depends on settings.
     fn needs(&self) -> Needs {
         Self::NEEDS
     }
@@ -74,8 +71,7 @@ pub trait Guide: Clone + Debug + Default + DeserializeOwned + Send + Sync + 'sta
 
     /// Adds the guide's systems to the schedule and [equips](App::equip) the camera with its components.
     ///
-    /// The systems go to the set [`Guide`](super::FlightSystems::Guide) and to any other set that the guide takes part
-    /// in.
+    /// The systems go to the set [`Guide`](super::FlightSystems::Guide) and to any other set that the guide takes part in.
     ///
     /// # Errors
     /// Returns an error if required data is missing.

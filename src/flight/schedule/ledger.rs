@@ -175,8 +175,7 @@ pub struct PluginTime {
 impl PluginTime {
     /// Returns true if the plug-in delays the flight.
     ///
-    /// The limits are more than an eighth of the time between two steps, or a fifth of that between two frames at sixty
-    /// per second.
+    /// The limits are more than an eighth of the time between two steps, or a fifth of that between two frames at sixty per second.
     pub fn is_slow(&self) -> bool {
         self.step_ms > 1.0 || self.frame_ms > 3.3
     }

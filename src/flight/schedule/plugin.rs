@@ -10,8 +10,7 @@ use crate::error::{Error, Result};
 use crate::panics::ask_plugin;
 use crate::render::Options;
 
-/// An extension of a flight from another crate: systems, entities, resources. It is a value, so it can carry settings and
-/// state.
+/// An extension of a flight from another crate: systems, entities, resources. It is a value, so it can carry settings and state.
 ///
 /// A plug-in is built once per flight, before the scene's own systems. Its additions stay for the whole flight, through
 /// every change of guide, direction and segment. `examples/own_plugin.rs` is a complete example.

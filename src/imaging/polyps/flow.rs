@@ -32,9 +32,6 @@ const LEAST_K2: f32 = 0.015;
 const AROUND: usize = 5;
 
 /// Returns how far each vertex sinks, mm.
-///
-/// # Errors
-/// Returns status 4 if interrupted.
 pub(crate) fn protrusions(wall: &Wall, progress: &Progress) -> Result<Vec<f32>> {
     let mut places = wall.smooth_places();
     let mut sunk = vec![0f32; wall.len()];

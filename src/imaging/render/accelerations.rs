@@ -34,8 +34,7 @@ impl Accelerations {
 
     /// Casts a picture through the voxels that `sampler` sees.
     ///
-    /// `flags` leap by the storage's own flags: the first is used where values are classified, the second where
-    /// densities are.
+    /// `flags` leap by the storage's own flags: the first is used where values are classified, the second where densities are.
     pub fn image<S: VoxelSampler, V: Skipper, D: Skipper, B: Begin>(
         &self,
         request: &ImageRequest<'_>,

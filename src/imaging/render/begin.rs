@@ -4,8 +4,7 @@ use super::march::Ray;
 
 /// Determines how much of each ray can be left out.
 ///
-/// An implementation may only leave out samples whose opacity is 0, so all of them produce the same picture bit for
-/// bit.
+/// An implementation may only leave out samples whose opacity is 0, so all of them produce the same picture bit for bit.
 pub trait Begin: Sync {
     /// The data kept for a pixel. It is the default where no ray of the pixel meets the volume.
     type Kept: Copy + Default + Send + Sync;

@@ -240,8 +240,7 @@ impl<S: Sampler, K: Skipper, C: Classifier, B: Begin> Caster<'_, S, K, C, B> {
             let a = self.ramp.opacity(hu);
             if a > 0.0 {
                 first = first.min(n);
-                // The flag takes precedence over a gradient that was free to compute: inside solid tissue that gradient
-                // is noise.
+                // The flag takes precedence over a gradient that was free to compute: inside solid tissue that gradient is noise.
                 let gradient = match gradient {
                     Some(gradient) if !self.sampler.is_within_tissue(q) => gradient,
                     Some(_) => Vec3::ZERO,

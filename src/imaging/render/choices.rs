@@ -10,10 +10,9 @@
 //! low = "nearest"       # nearest, third: how quality low renders
 //! ```
 //!
-//! A key that is left out keeps the preset's default. The preset `colvis` supports all of them. Packets of rays, which
-//! the preset `default` uses, support none of the first three; with any of these `default` casts single rays instead.
-//! `lean` refuses choices that would take the memory it is there to save. The quality `reference` skips and keeps
-//! nothing, whatever is chosen.
+//! A key that is left out keeps the preset's default. The preset `colvis` supports all of them. Packets of rays, which the preset
+//! `default` uses, support none of the first three; with any of these `default` casts single rays instead. `lean` refuses choices
+//! that would take the memory it is there to save. The quality `reference` skips and keeps nothing, whatever is chosen.
 
 use serde::{Deserialize, Serialize};
 

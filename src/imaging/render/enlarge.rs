@@ -9,8 +9,7 @@ const ROWS: usize = 32;
 
 /// The position of a pixel of the larger picture in the smaller one.
 ///
-/// It is the first of two neighbours and the weight of the second, out of 256. The weight is 0 if there is no second
-/// one.
+/// It is the first of two neighbours and the weight of the second, out of 256. The weight is 0 if there is no second one.
 #[derive(Clone, Copy, Debug)]
 struct Between {
     low: u32,

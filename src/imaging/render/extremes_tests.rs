@@ -4,12 +4,11 @@
 //! There is no endless loop: the samples are at most as many as the ray's length has steps. There is no crack: no pixel
 //! is black where the wall is closed on all sides. No wall thicker than a voxel is missed.
 //!
-//! Why none is missed: a scanner's voxel is the mean over its box. For a wall that is at least h thick (h the smallest
-//! spacing), the voxels whose centres are within h/2 of its middle are at least half tissue: −475 HU for −1000 to 50.
-//! So is every trilinear value within h/4 of the middle, which is therefore opaque. Steps of h/2 (high) or less put a
-//! sample there at any angle, since a slanted ray stays inside for longer. The nearest voxel (low) may be √3/2 h away
-//! from the sample, and the sample h/2 from the middle, so low detail is only certain for walls from 2.75 h on:
-//! [`slabs_thicker_than_a_voxel_stop_every_ray`].
+//! Why none is missed: a scanner's voxel is the mean over its box. For a wall that is at least h thick (h the smallest spacing),
+//! the voxels whose centres are within h/2 of its middle are at least half tissue: −475 HU for −1000 to 50. So is every trilinear
+//! value within h/4 of the middle, which is therefore opaque. Steps of h/2 (high) or less put a sample there at any angle, since a
+//! slanted ray stays inside for longer. The nearest voxel (low) may be √3/2 h away from the sample, and the sample h/2 from the
+//! middle, so low detail is only certain for walls from 2.75 h on: [`slabs_thicker_than_a_voxel_stop_every_ray`].
 
 use std::sync::Arc;
 
@@ -77,8 +76,7 @@ fn cavity(centre: DVec3, radii: DVec3) -> impl Fn(DVec3) -> f64 {
     }
 }
 
-/// Renders the view twice, the second time with any data kept from the first, and checks the conditions for every
-/// picture.
+/// Renders the view twice, the second time with any data kept from the first, and checks the conditions for every picture.
 fn look(
     name: &str,
     lanes: usize,

@@ -114,8 +114,7 @@ impl Frame {
         self.pixels.copy_from_slice(&other.pixels);
     }
 
-    /// Draws another picture into this one with its top left pixel at `column`, `row`. Pixels beyond the edges are cut
-    /// off.
+    /// Draws another picture into this one with its top left pixel at `column`, `row`. Pixels beyond the edges are cut off.
     pub fn draw(&mut self, other: &Self, column: usize, row: usize) {
         let across = other.width.min(self.width.saturating_sub(column));
         if across == 0 {
@@ -176,8 +175,7 @@ pub struct Work {
     pub samples: u64,
     /// Rays that an earlier picture shortened or made unnecessary.
     pub reused: u64,
-    /// Rays that the paper's own rule would have started too late, based on an earlier picture, and that were
-    /// corrected.
+    /// Rays that the paper's own rule would have started too late, based on an earlier picture, and that were corrected.
     pub misled: u64,
 }
 

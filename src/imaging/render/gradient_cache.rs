@@ -24,8 +24,7 @@ const EXPONENT_AT: u32 = 3 * PART_BITS;
 const EXPONENT_MAX: u32 = 15;
 /// Position of the density.
 const DENSITY_AT: u32 = EXPONENT_AT + 4;
-/// Position of the tag, which identifies the voxel among those that share an entry. 0 marks an entry that was never
-/// filled.
+/// Position of the tag, which identifies the voxel among those that share an entry. 0 marks an entry that was never filled.
 const TAG_AT: u32 = DENSITY_AT + DENSITY_BITS;
 /// The number of voxels that may share an entry.
 const TAGS: u64 = (1 << (64 - TAG_AT)) - 1;

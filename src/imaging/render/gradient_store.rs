@@ -68,8 +68,7 @@ fn corner(cell: [i32; 3], n: usize) -> [i32; 3] {
 /// The voxels whose gradients are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stored {
-    /// Voxels near the wall: those of bricks with a voxel that is neither empty nor opaque together with all its
-    /// neighbours.
+    /// Voxels near the wall: those of bricks with a voxel that is neither empty nor opaque together with all its neighbours.
     NearWall,
     /// All voxels.
     Everywhere,
@@ -182,8 +181,7 @@ pub struct FitSampler<'a, S> {
 }
 
 impl<'a, S: VoxelSampler> FitSampler<'a, S> {
-    /// Creates a sampler that samples as `plain` does, with the regressions of `fits`, which must have been made for
-    /// it.
+    /// Creates a sampler that samples as `plain` does, with the regressions of `fits`, which must have been made for it.
     pub fn new(plain: S, fits: &'a Fits) -> Self {
         Self { plain, fits }
     }

@@ -1,7 +1,6 @@
 //! Light at the camera: the paper's headlight, and the additions of an endoscope.
 //!
-//! The brightness of a point scales the wall's colour. With n·r the cosine between normal and ray and d the distance
-//! (mm):
+//! The brightness of a point scales the wall's colour. With n·r the cosine between normal and ray and d the distance (mm):
 //!
 //! * headlight (the paper's simplified Phong model): `b = 0.1 + 0.9 (n·r)`;
 //! * falloff: `b ← 1.2 b / (1 + (d/h)²)`, the inverse square of a light of finite size, exposed for near surfaces. An

@@ -11,8 +11,7 @@ use glam::{DVec3, Vec3};
 use crate::space::PreparedVolume;
 use crate::space::ray::clip;
 
-/// The maximum number of samples of a ray. If h is so small relative to the volume that a ray would need more, steps
-/// grow.
+/// The maximum number of samples of a ray. If h is so small relative to the volume that a ray would need more, steps grow.
 const MAX_SAMPLES: f64 = (1 << 22) as f64;
 
 /// The step length: Δs = h · 2^`power`, h the smallest spacing.
@@ -43,8 +42,7 @@ pub struct Ray {
     pub from: Vec3,
     /// Offset from one sample to the next, voxels.
     pub along: Vec3,
-    /// 1 / `along`, or 0 where the ray does not move. The ray meets the plane p of an axis after p · `inverse` +
-    /// `offset` samples.
+    /// 1 / `along`, or 0 where the ray does not move. The ray meets the plane p of an axis after p · `inverse` + `offset` samples.
     pub inverse: Vec3,
     /// −`from` / `along`, or infinite where the ray does not move.
     pub offset: Vec3,
@@ -58,8 +56,7 @@ pub struct Ray {
     pub per_mm: f32,
     /// True if the camera is within the grown volume. Sample 0 is then the first one from the camera.
     pub inside: bool,
-    /// The first sample offset at which a position may be half a voxel away along an axis. All smaller offsets are
-    /// nearer.
+    /// The first sample offset at which a position may be half a voxel away along an axis. All smaller offsets are nearer.
     pub near: u32,
 }
 

@@ -56,8 +56,7 @@ pub struct Settings {
     pub step_power: i32,
     /// Rays per pixel, at least 1.
     pub samples_per_pixel: u32,
-    /// True if the detail adapts: coarser while the camera moves fast or pictures cost too much, and up to the
-    /// reference at rest.
+    /// True if the detail adapts: coarser while the camera moves fast or pictures cost too much, and up to the reference at rest.
     pub adaptive: bool,
     /// Choices that replace the preset's defaults.
     pub choices: Choices,

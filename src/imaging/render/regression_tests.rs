@@ -88,8 +88,7 @@ fn linear_values_are_fitted_exactly_in_the_world() {
     }
 }
 
-/// The error function, by its series and the asymptote of its continued fraction, to 1e-7: accurate enough for an edge
-/// of 1000 HU.
+/// The error function, by its series and the asymptote of its continued fraction, to 1e-7: accurate enough for an edge of 1000 HU.
 fn erf(x: f64) -> f64 {
     if x.abs() > 4.0 {
         return x.signum();

@@ -10,8 +10,7 @@ pub const SQUARE: usize = 2;
 
 /// Renders views of one volume in the order of a flight.
 ///
-/// A renderer may keep any data between frames as long as each frame is as good as it would be without: the views may
-/// jump.
+/// A renderer may keep any data between frames as long as each frame is as good as it would be without: the views may jump.
 pub trait Renderer: Send + Sync {
     /// Renders `view` into `frame`, resizing it if needed, on all of rayon's threads.
     ///
@@ -55,8 +54,7 @@ pub trait Renderer: Send + Sync {
         self.render(view, frame)
     }
 
-    /// Returns a violation of the renderer contract since the last call, if the renderer is checked: the culprit and
-    /// the problem.
+    /// Returns a violation of the renderer contract since the last call, if the renderer is checked: the culprit and the problem.
     ///
     /// Renderers of other crates are checked automatically and need not implement this.
     fn complaint(&mut self) -> Option<(String, String)> {

@@ -1,5 +1,4 @@
-//! Sampling of the volume: the value and the fit at a point, interpolated (high detail) or from the nearest voxel (low
-//! detail).
+//! Sampling of the volume: the value and the fit at a point, interpolated (high detail) or from the nearest voxel (low detail).
 
 use glam::{DVec3, Vec3};
 
@@ -20,8 +19,7 @@ pub trait Sampler: Sync {
 
     /// Returns the gradient at a point that is not empty, HU/mm along the index axes.
     ///
-    /// It is 0 in a homogeneous region, which stands for a gradient that points at the camera (the paper's section
-    /// 2.2).
+    /// It is 0 in a homogeneous region, which stands for a gradient that points at the camera (the paper's section 2.2).
     #[inline(always)]
     fn gradient(&self, q: Vec3) -> Vec3 {
         if self.is_within_tissue(q) { Vec3::ZERO } else { self.fit(q).gradient }

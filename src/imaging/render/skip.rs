@@ -44,8 +44,7 @@ pub struct Leap<'a, const VOXELS: bool> {
     flags: &'a Flags,
 }
 
-/// A ray walking from brick to brick (Amanatides and Woo 1987), without branches: it is bound by latency, not
-/// throughput.
+/// A ray walking from brick to brick (Amanatides and Woo 1987), without branches: it is bound by latency, not throughput.
 pub struct Bricks {
     /// The planes ahead, grown voxel coordinates.
     planes: Vec3A,

@@ -45,8 +45,7 @@ impl Ramp {
 
 /// The colour of the wall over HU, as linear shares of red, green and blue.
 ///
-/// It is a warm tone like that of mucosa, a little paler where the tissue is denser. As in the paper, no display curve
-/// is applied.
+/// It is a warm tone like that of mucosa, a little paler where the tissue is denser. As in the paper, no display curve is applied.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Palette {
     /// The colour at and below the first value of [`PALETTE_HU`].

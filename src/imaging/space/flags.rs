@@ -1,17 +1,15 @@
 //! The homogeneous-region flag (the paper's section 2.2): one bit per voxel, and a coarse level of bricks for leaping.
 //!
-//! A voxel's flag is set when its 3×3×3 neighbourhood, with air outside the volume, is entirely in one class: *empty*
-//! (≤ the wall's `lo`) or *opaque* (≥ its `hi`). The voxel's own value shows which. The flags take 1/16 of the 16-bit
-//! volume.
+//! A voxel's flag is set when its 3×3×3 neighbourhood, with air outside the volume, is entirely in one class: *empty* (≤ the wall's
+//! `lo`) or *opaque* (≥ its `hi`). The voxel's own value shows which. The flags take 1/16 of the 16-bit volume.
 //!
 //! Rays see the volume grown by one voxel of air, since a trilinear cell at the border still mixes voxels with air.
 //! Bricks therefore hold 8×8×8 *cells*, starting with cell −1 of each axis. A brick is empty when every voxel that one
 //! of its cells touches is flagged empty. Then all voxels within two of any point in it are empty, which is enough for
 //! both trilinear values and regressions over 3×3×3 neighbourhoods.
 //!
-//! These bricks of 8³ serve single rays, which check the voxel's own flag between them. Packets have separate bricks of
-//! 4³ (`render::packets`), since sixteen rays at once can afford neither the wider margin nor a check of single
-//! voxels.
+//! These bricks of 8³ serve single rays, which check the voxel's own flag between them. Packets have separate bricks of 4³
+//! (`render::packets`), since sixteen rays at once can afford neither the wider margin nor a check of single voxels.
 
 use rayon::prelude::*;
 
@@ -250,8 +248,7 @@ fn mask(values: &[i16], test: impl Fn(i16) -> bool) -> u64 {
     let Some(values) = values.first_chunk::<64>() else {
         return values.iter().enumerate().fold(0, |word, (n, &v)| word | u64::from(test(v)) << n);
     };
-    // Eight values at a time, with the tests of the k-th eight in bits k. This uses whole vectors, transposed once at
-    // the end.
+    // Eight values at a time, with the tests of the k-th eight in bits k. This uses whole vectors, transposed once at the end.
     let mut eights = [0u16; 8];
     for k in 0..8 {
         for i in 0..8 {
@@ -270,8 +267,7 @@ fn transpose(mut x: u64) -> u64 {
     x
 }
 
-/// Replaces each bit with the and of itself and its two neighbours in a row of `n` bits. `outside` is the class bit of
-/// air.
+/// Replaces each bit with the and of itself and its two neighbours in a row of `n` bits. `outside` is the class bit of air.
 fn and_along_row(row: &mut [u64], n: usize, outside: bool) {
     let last = row.len() - 1;
     let tail = (n - 1) % 64 + 1;

@@ -8,8 +8,7 @@ use super::flags::Flags;
 use super::surround::Surround;
 use super::transfer::TransferFunction;
 
-/// A volume prepared for ray casting: its voxels, its transfer function, and the flags that let rays leap. Cheap to
-/// clone.
+/// A volume prepared for ray casting: its voxels, its transfer function, and the flags that let rays leap. Cheap to clone.
 #[derive(Clone, Debug)]
 pub struct PreparedVolume {
     volume: Arc<Volume>,
@@ -26,8 +25,7 @@ impl PreparedVolume {
         Self { volume, transfer, flags, surround: Arc::default() }
     }
 
-    /// Prepares a volume as [`PreparedVolume::new`] does, with the least memory: bricks for leaping, but no bit per
-    /// voxel.
+    /// Prepares a volume as [`PreparedVolume::new`] does, with the least memory: bricks for leaping, but no bit per voxel.
     pub fn lean(volume: Arc<Volume>, transfer: TransferFunction) -> Self {
         let flags = Arc::new(Flags::bricks_only(&volume, transfer));
         Self { volume, transfer, flags, surround: Arc::default() }

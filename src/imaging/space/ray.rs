@@ -1,5 +1,4 @@
-//! Exact intersections of rays with the wall. There is no step size, so no wall is too thin and no result depends on a
-//! setting.
+//! Exact intersections of rays with the wall. There is no step size, so no wall is too thin and no result depends on a setting.
 //!
 //! Between eight neighbouring voxels (a *cell*) the trilinear value along a ray is a cubic polynomial of the distance.
 //! The ray walks from cell to cell (Amanatides and Woo 1987), computing the distance to each plane from the plane's
@@ -21,8 +20,7 @@ use super::prepared_volume::PreparedVolume;
 /// and far below anything visible.
 const TOUCH: f64 = 1e-9;
 
-/// Returns the trilinear HU at a `world` point (mm, LPS). Outside the volume is air, mixed with the border voxels
-/// within one voxel.
+/// Returns the trilinear HU at a `world` point (mm, LPS). Outside the volume is air, mixed with the border voxels within one voxel.
 pub fn value(volume: &PreparedVolume, world: DVec3) -> f32 {
     trilinear(volume.voxels(), volume.voxels().grid().voxel(world)) as f32
 }
@@ -200,8 +198,7 @@ fn unit(direction: DVec3) -> DVec3 {
     (direction / direction.abs().max_element()).normalize_or_zero()
 }
 
-/// Components slower than this (voxels/mm) count as zero: even 10⁹ mm of path would move by less than a millionth of a
-/// voxel.
+/// Components slower than this (voxels/mm) count as zero: even 10⁹ mm of path would move by less than a millionth of a voxel.
 const STILL: f64 = 1e-15;
 
 /// Returns the distances at which the ray `from + t · along` (voxel coordinates) enters and leaves the volume grown by

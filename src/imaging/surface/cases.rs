@@ -3,10 +3,9 @@
 //! Corner c of a cell is at (c & 1, c >> 1 & 1, c >> 2). Edge 4a + n runs along axis a from its lower corner; n holds
 //! the two other coordinates of that corner, with the next axis (cyclic) in bit 0.
 //!
-//! On each face of the cell, traversed counter-clockwise as seen from outside, the wall leaves through an edge that
-//! goes from solid to gas and enters through one that goes from gas to solid. Every crossed edge is an exit in one of
-//! its two faces and an entry in the other. Following the faces therefore gives closed loops, which are then cut into
-//! triangles.
+//! On each face of the cell, traversed counter-clockwise as seen from outside, the wall leaves through an edge that goes from solid
+//! to gas and enters through one that goes from gas to solid. Every crossed edge is an exit in one of its two faces and an entry in
+//! the other. Following the faces therefore gives closed loops, which are then cut into triangles.
 
 use std::sync::LazyLock;
 
@@ -87,8 +86,7 @@ fn loops(solid: u8, joined: u8) -> Vec<Vec<u8>> {
             if !is(f[i]) || is(f[(i + 1) % 4]) {
                 continue;
             }
-            // Joined solid corners separate the gas corners, so the wall goes around the next corner, otherwise around
-            // this one.
+            // Joined solid corners separate the gas corners, so the wall goes around the next corner, otherwise around this one.
             let ahead = joined >> n & 1 == 1 || ambiguous_faces(solid) >> n & 1 == 0;
             let steps = if ahead { [1, 2, 3] } else { [3, 2, 1] };
             let enters = steps.map(|s| (i + s) % 4).into_iter().find(|&k| !is(f[k]) && is(f[(k + 1) % 4]));

@@ -7,8 +7,7 @@ use glam::Vec3;
 
 /// Subpixels per pixel.
 pub(crate) const SUB: i64 = 256;
-/// Screen positions are kept within this many pixels of the screen's corner, so that products of differences fit 64
-/// bits.
+/// Screen positions are kept within this many pixels of the screen's corner, so that products of differences fit 64 bits.
 const FAR_OFF: f32 = (1 << 21) as f32;
 
 /// The projection from camera coordinates (x to the right, y down, z ahead, mm) to screen positions.

@@ -36,10 +36,7 @@ impl Mesh {
     }
 }
 
-/// Checks that all triangles can be numbered.
-///
-/// # Errors
-/// Returns status 4 if there are too many.
+/// Checks that all triangles can be numbered. Fails with status 4 if there are too many.
 pub(super) fn check_count(numbers: &Numbers) -> Result<()> {
     // There are about two triangles per vertex, five at the most.
     if numbers.total() > u64::from(u32::MAX / 5) {
@@ -65,8 +62,7 @@ fn value(voxels: &Volume, [x, y, z]: [usize; 3]) -> f64 {
     f64::from(voxels.get(x as i64 - 1, y as i64 - 1, z as i64 - 1))
 }
 
-/// Computes a vertex for each crossed edge: the point where the value, linear between the two voxels, equals the
-/// wall's.
+/// Computes a vertex for each crossed edge: the point where the value, linear between the two voxels, equals the wall's.
 fn vertices(volume: &PreparedVolume, signs: &Signs, numbers: &Numbers) -> (Vec<Vec3>, Vec<Normal>) {
     let (voxels, iso) = (volume.voxels(), volume.transfer().iso());
     let total = numbers.total() as usize;

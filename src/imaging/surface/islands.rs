@@ -23,8 +23,7 @@ pub(super) fn components(mesh: &LumenMesh) -> (Vec<u32>, usize) {
     }
     let mut count = 0;
     for v in 0..parent.len() {
-        // A root is the smallest vertex of its component. It was numbered before the others, and until then it is its
-        // own parent.
+        // A root is the smallest vertex of its component. It was numbered before the others, and until then it is its own parent.
         let p = parent[v] as usize;
         parent[v] = if p == v {
             count += 1;

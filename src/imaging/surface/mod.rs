@@ -5,8 +5,7 @@
 //! are decided by the value at the face's saddle (Nielson and Hamann 1991). Both cells that share the face compute the
 //! same value, so the mesh has no cracks. [`Rasteriser`] draws it with a z-buffer and the ray caster's light.
 //!
-//! [`LumenMesh`] is the surface of the colon alone, for other programs: the same cubes over the voxels of its lumen
-//! only.
+//! [`LumenMesh`] is the surface of the colon alone, for other programs: the same cubes over the voxels of its lumen only.
 
 mod cases;
 mod clip;

@@ -181,8 +181,7 @@ impl Rasteriser {
         let shares = [direction.dot(b.cross(c)), direction.dot(c.cross(a)), direction.dot(a.cross(b))];
         let sum: f64 = shares.iter().sum();
         let distance = a.dot(b.cross(c)) / sum;
-        // A triangle seen exactly edge-on has no such point. A pixel on its rim must not be placed beyond its corners
-        // either.
+        // A triangle seen exactly edge-on has no such point. A pixel on its rim must not be placed beyond its corners either.
         let bounds = [a, b, c].map(DVec3::length);
         let (near, far) = (bounds[0].min(bounds[1]).min(bounds[2]), bounds[0].max(bounds[1]).max(bounds[2]));
         let distance = if distance.is_finite() { distance.clamp(0.0, far) } else { near };

@@ -1,9 +1,8 @@
 //! Smoothing of vertices whose positions the values do not determine.
 //!
-//! Half-way between two voxels of a mask, vertices form steps. Each may slide along its own grid edge, so every voxel's
-//! centre stays on its side of the surface and no triangle turns over (the constrained surfaces of Gibson 1998,
-//! Whitaker 2000). Steps of the umbrella operator alone would shrink round shapes; every second step goes back slightly
-//! farther (Taubin 1995).
+//! Half-way between two voxels of a mask, vertices form steps. Each may slide along its own grid edge, so every voxel's centre
+//! stays on its side of the surface and no triangle turns over (the constrained surfaces of Gibson 1998, Whitaker 2000). Steps of
+//! the umbrella operator alone would shrink round shapes; every second step goes back slightly farther (Taubin 1995).
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -17,8 +16,7 @@ const STEPS: [f32; 2] = [0.5, -0.52];
 /// Number of rounds of both steps.
 const ROUNDS: usize = 12;
 
-/// Slides the free vertices of closed `triangles` along their edges. `steps` are the vectors along the grid's edges,
-/// mm.
+/// Slides the free vertices of closed `triangles` along their edges. `steps` are the vectors along the grid's edges, mm.
 pub(super) fn relax(
     sliders: &mut [Slider],
     steps: &[Vec3; 3],

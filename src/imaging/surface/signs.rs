@@ -1,9 +1,8 @@
 //! The solid voxels as bits, and the edges between voxels that the wall crosses.
 //!
-//! Positions are *grown* voxel coordinates: voxel coordinates plus one, so that a layer of air surrounds the volume.
-//! The vertices of the mesh are the crossed edges, numbered plane by plane, row by row, along x, y, z. A vertex's
-//! number is the count of crossed edges before it, which is found by counting bits, without a table of the volume's
-//! size.
+//! Positions are *grown* voxel coordinates: voxel coordinates plus one, so that a layer of air surrounds the volume. The vertices
+//! of the mesh are the crossed edges, numbered plane by plane, row by row, along x, y, z. A vertex's number is the count of crossed
+//! edges before it, which is found by counting bits, without a table of the volume's size.
 
 use rayon::prelude::*;
 

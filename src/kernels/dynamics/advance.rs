@@ -1,10 +1,9 @@
 //! The step that cannot perforate: conservative advancement of a sphere through exact clearances.
 //!
-//! The distance to the wall is 1-Lipschitz: within a displacement of `c − r` from a point of clearance `c`, every point
-//! keeps a clearance of at least `r`. The body moves by at most that distance, queries the clearance again, and repeats
-//! (conservative advancement, Mirtich 1996; the same idea as sphere tracing, Hart 1996). The guarantee depends only on
-//! [`Clearances::clearance`] never exceeding the true distance. It does not depend on the number of tentacles, the size
-//! of the force or the size of the step.
+//! The distance to the wall is 1-Lipschitz: within a displacement of `c − r` from a point of clearance `c`, every point keeps a
+//! clearance of at least `r`. The body moves by at most that distance, queries the clearance again, and repeats (conservative
+//! advancement, Mirtich 1996; the same idea as sphere tracing, Hart 1996). The guarantee depends only on [`Clearances::clearance`]
+//! never exceeding the true distance. It does not depend on the number of tentacles, the size of the force or the size of the step.
 //!
 //! **Why a sphere when the camera is a cylinder.** The sphere of [`Body::radius_mm`](super::Body::radius_mm) encloses the
 //! cylinder in every orientation, so turning in place cannot bring any part of it into the wall. The guarantee then
@@ -41,9 +40,8 @@ pub struct Advance {
 
 /// Moves a sphere of `radius` mm from `position` by `displacement` (world, mm) as far as the wall allows.
 ///
-/// The body keeps the finder's tolerance beyond its radius, so reported clearances never fall below the radius. If it
-/// starts in the wall or too close to it, only motion that raises the clearance is allowed. A displacement that is not
-/// finite does not move it.
+/// The body keeps the finder's tolerance beyond its radius, so reported clearances never fall below the radius. If it starts in the
+/// wall or too close to it, only motion that raises the clearance is allowed. A displacement that is not finite does not move it.
 pub fn advance(walls: &impl Clearances, position: DVec3, displacement: DVec3, radius: f64) -> Advance {
     sweep(walls, position, displacement, radius, &mut |_, _| {})
 }

@@ -71,8 +71,7 @@ impl Body {
         Ok(())
     }
 
-    /// Returns the radius and length of the cylinder, mm. A dimension that is not set is the largest that fits with the
-    /// other.
+    /// Returns the radius and length of the cylinder, mm. A dimension that is not set is the largest that fits with the other.
     pub fn cylinder(&self) -> (f64, f64) {
         let sphere = self.radius_mm;
         let beside = |x: f64| (sphere * sphere - x * x).max(0.0).sqrt();

@@ -1,5 +1,4 @@
-//! Operator input in flight: how a push builds up, how fast the view turns, and how control passes between guide and
-//! operator.
+//! Operator input in flight: how a push builds up, how fast the view turns, and how control passes between guide and operator.
 
 use glam::DVec3;
 

@@ -9,8 +9,7 @@ use super::settings::{not_negative, positive};
 use crate::error::Result;
 use glam::DVec3;
 
-/// Thresholds for a flight that makes no progress. The defaults detect each kind of stall within two seconds at cruise
-/// speed.
+/// Thresholds for a flight that makes no progress. The defaults detect each kind of stall within two seconds at cruise speed.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MonitorSettings {
@@ -74,8 +73,7 @@ const RECENT_MM: f64 = 30.0;
 const SAMPLES: f64 = 32.0;
 /// A path longer than this many times the size of its bounding box is dithering. Once there and back is 2.
 const DITHER: f64 = 2.5;
-/// The durations, in windows, over which dithering is measured: a wide sway takes long, and a forgiven flight needs some
-/// time.
+/// The durations, in windows, over which dithering is measured: a wide sway takes long, and a forgiven flight needs some time.
 const DITHER_WINDOWS: [f64; 2] = [0.5, 2.0];
 /// In a box larger than this the flight is circling, mm.
 const DITHER_MM: f64 = 18.0;

@@ -231,8 +231,7 @@ mod tests {
         }
     }
 
-    /// In a straight tube the path ahead follows it, the wall pushes to the middle, and a mine behind decides the
-    /// direction.
+    /// In a straight tube the path ahead follows it, the wall pushes to the middle, and a mine behind decides the direction.
     #[test]
     fn follows_a_tube() {
         let s = TentacleSettings::default();

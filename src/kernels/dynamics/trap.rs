@@ -125,8 +125,7 @@ impl TentacleReading<'_> {
         if other_side { Trap::Bridge } else { Trap::Obstacle }
     }
 
-    /// Returns true if walls on two opposite sides of the ray along `direction` leave no room for the body within
-    /// `length` mm.
+    /// Returns true if walls on two opposite sides of the ray along `direction` leave no room for the body within `length` mm.
     fn is_narrow(&self, direction: DVec3, length: f64) -> bool {
         let hits = |(d, l): (DVec3, f64)| {
             let along = direction.dot(d) * l;

@@ -22,7 +22,6 @@ impl Default for Sample {
 
 /// A scalar field of distances over the world: to the wall (D_s) or to the target (D_t).
 pub trait Distance: Sync {
-    /// Returns the sample at a world point (mm), or `None` where the field is undefined and for a point that is not
-    /// finite.
+    /// Returns the sample at a world point (mm), or `None` where the field is undefined and for a point that is not finite.
     fn sample(&self, at: DVec3) -> Option<Sample>;
 }

@@ -1,9 +1,8 @@
 //! A set of numbered voxels. Fields over the lumen store one value for each member.
 //!
-//! The set has one bit for each voxel of the grid, with rows padded to whole words, and the number of members before
-//! each word. One look-up in each and a bit count give a member's number (a rank dictionary, Jacobson 1989). A field
-//! therefore costs its values plus an eighth of a byte and half of that for each voxel of the grid, never a value for
-//! each voxel.
+//! The set has one bit for each voxel of the grid, with rows padded to whole words, and the number of members before each word. One
+//! look-up in each and a bit count give a member's number (a rank dictionary, Jacobson 1989). A field therefore costs its values
+//! plus an eighth of a byte and half of that for each voxel of the grid, never a value for each voxel.
 
 use std::ops::Range;
 
@@ -21,8 +20,7 @@ pub struct VoxelSet {
 }
 
 impl VoxelSet {
-    /// Creates a set from runs (j, k, range of i) on a grid of `dims`. Returns `None` if there are more than 2³²
-    /// voxels.
+    /// Creates a set from runs (j, k, range of i) on a grid of `dims`. Returns `None` if there are more than 2³² voxels.
     pub fn from_runs(dims: [usize; 3], runs: impl Iterator<Item = (usize, usize, Range<usize>)>) -> Option<Self> {
         let words = dims[0].div_ceil(64);
         let mut bits = vec![0u64; words * dims[1] * dims[2]];

@@ -126,8 +126,7 @@ fn touches(walls: &WallDistance, voxel: [i64; 3]) -> bool {
     })
 }
 
-/// Returns where soft tissue ends from the lumen through a voxel that is `far` mm from it; `None` if that cannot be
-/// measured.
+/// Returns where soft tissue ends from the lumen through a voxel that is `far` mm from it; `None` if that cannot be measured.
 fn ending(volume: &Volume, walls: &WallDistance, voxel: [i64; 3], far: f64) -> Option<Ending> {
     let place = walls.world(voxel);
     let inwards = inwards(walls, voxel)?;

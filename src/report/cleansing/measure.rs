@@ -111,10 +111,8 @@ fn prepared(volume: &Arc<Volume>) -> PreparedVolume {
 }
 
 impl Subject {
-    /// Prepares a phantom, its scan and its lumen, with about `count` places on its wall.
-    ///
-    /// # Errors
-    /// Returns an error if the wall has too many places to number.
+    /// Prepares a phantom, its scan and its lumen, with about `count` places on its wall. Fails if the wall has too many places to
+    /// number.
     pub(super) fn new(
         phantom: &Phantom,
         clean: &Arc<Volume>,
@@ -152,10 +150,7 @@ impl Subject {
         Ok(Self { twin, scan, lumen, places, polyps })
     }
 
-    /// Cleanses the scan and measures the result.
-    ///
-    /// # Errors
-    /// Returns status 4 if interrupted, or an error if the wall has too many places to number.
+    /// Cleanses the scan and measures the result. Fails with status 4 if interrupted, or if the wall has too many places to number.
     pub(super) fn measure(&self, method: &Method, progress: &Progress) -> Result<Outcome> {
         let (clean, seconds, megabytes) = timed(|| (method.apply)(&self.scan, &self.lumen, progress));
         let clean = clean?;

@@ -39,9 +39,6 @@ pub(super) const METHODS: [Method; 5] = [
 ];
 
 /// Returns the lumen of a scan.
-///
-/// # Errors
-/// Returns status 4 if interrupted.
 pub(super) fn lumen_of(scan: &Volume, progress: &Progress) -> Result<Lumen> {
     lumen::find(scan, progress)
 }

@@ -21,10 +21,8 @@ pub(super) struct Live {
     pub bytes: usize,
 }
 
-/// Flies twice at once, without and with live coverage, in alternation, so that load on the machine slows both alike.
-///
-/// # Errors
-/// Returns status 4 if there is no colon to fly or if interrupted.
+/// Flies twice at once, without and with live coverage, in alternation, so that load on the machine slows both alike. Fails with
+/// status 4 if there is no colon to fly or if interrupted.
 pub(super) fn live(scan: &mut Scan, guide: &'static str, progress: &Progress) -> Result<Live> {
     let mut flights = Vec::new();
     for coverage in [false, true] {

@@ -95,9 +95,6 @@ pub(super) struct Toured {
 }
 
 /// Flies on to what a flight has missed in pictures of 90°.
-///
-/// # Errors
-/// Returns status 4 if interrupted.
 pub(super) fn toured(flight: Flight, progress: &Progress) -> Result<Toured> {
     let Flight { mut app, wall, sights, .. } = flight;
     let sights = sights.into_iter().next().unwrap_or_default();
@@ -134,10 +131,7 @@ pub(super) fn toured(flight: Flight, progress: &Progress) -> Result<Toured> {
     })
 }
 
-/// Flies to the end.
-///
-/// # Errors
-/// Returns status 4 if there is no colon to fly or if interrupted.
+/// Flies to the end. Fails with status 4 if there is no colon to fly or if interrupted.
 pub(super) fn fly(scan: &mut Scan, guide: &'static str, reverse: bool, progress: &Progress) -> Result<FlightApp> {
     let mut flight = scan.flight(Scene::guided_by(guide), &FlightRequest { reverse, ..FlightRequest::default() })?;
     while flight.flight().state == State::Flying && flight.clock().seconds() < SECONDS {
@@ -148,9 +142,6 @@ pub(super) fn fly(scan: &mut Scan, guide: &'static str, reverse: bool, progress:
 }
 
 /// Flies there and back, and looks at what was seen.
-///
-/// # Errors
-/// As [`fly`].
 pub(super) fn measured(scan: &mut Scan, guide: &'static str, progress: &Progress) -> Result<Flight> {
     let back = fly(scan, guide, true, progress)?.survey().trail().map_or_else(Vec::new, |t| t.views().to_vec());
     let app = fly(scan, guide, false, progress)?;
@@ -167,9 +158,6 @@ pub(super) fn measured(scan: &mut Scan, guide: &'static str, progress: &Progress
 }
 
 /// Returns a row for each view angle.
-///
-/// # Errors
-/// Returns status 4 if interrupted.
 pub(super) fn runs(flight: &Flight, guide: &'static str, progress: &Progress) -> Result<Vec<Run>> {
     let (wall, f) = (&flight.wall, flight.app.flight());
     let mut runs = Vec::new();

@@ -54,9 +54,6 @@ pub(super) struct Grid {
 }
 
 /// Looks from the places of a grid of `step_mm` in the gas that was flown, from the flight's own places, and from `more`.
-///
-/// # Errors
-/// Returns status 4 if interrupted.
 pub(super) fn visible(
     flight: &Flight,
     more: &[(DVec3, Attitude)],

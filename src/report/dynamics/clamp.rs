@@ -33,9 +33,6 @@ enum Clamp {
 }
 
 /// Runs the study.
-///
-/// # Errors
-/// Returns the errors of the whole report.
 pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let effort = subject.effort;
     page.text(

@@ -16,9 +16,6 @@ use crate::report::plot::{Plot, Point, Series};
 use crate::report::table::{Cell, Table};
 
 /// Runs the study.
-///
-/// # Errors
-/// Returns the errors of the whole report.
 pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let effort = subject.effort;
     let seconds = effort.choose(5.0, 30.0);
@@ -92,8 +89,7 @@ fn energy_drift(method: &dyn Stepper, h: f64, seconds: f64) -> f64 {
     energy(&m) / begun - 1.0
 }
 
-/// Returns the drift of momentum, angular momentum and rotational energy (shares) and of the orientation (rad) of a free
-/// cylinder.
+/// Returns the drift of momentum, angular momentum and rotational energy (shares) and of the orientation (rad) of a free cylinder.
 fn free_drift(method: &dyn Stepper, radius: f64, length: f64) -> [f64; 4] {
     let (cylinder_radius_mm, cylinder_length_mm) = (Some(radius), Some(length));
     let body = Body { drag_per_s: 0.0, cylinder_radius_mm, cylinder_length_mm, ..Body::default() };

@@ -51,9 +51,6 @@ struct Judged {
 }
 
 /// Runs the study.
-///
-/// # Errors
-/// Returns the errors of the whole report.
 pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let seeds = subject.effort.choose(1, 3);
     let mut courses: Vec<(String, PreparedVolume, bool)> = Vec::new();

@@ -23,8 +23,7 @@ const SPACING_MM: [f64; 6] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
 const REACH_MM: [f64; 6] = [5.0, 10.0, 15.0, 25.0, 50.0, 100.0];
 /// Numbers of mines whose benefit is measured in drawings.
 const WORTH: [usize; 3] = [0, 12, 50];
-/// Maximum duration of a flight in a quick and in a full report, simulated seconds. No flight of a
-/// quick report arrives later.
+/// Maximum duration of a flight in a quick and in a full report, simulated seconds. No flight of a quick report arrives later.
 const SECONDS: [f64; 2] = [60.0, 120.0];
 
 /// Results for one choice of mines.
@@ -43,9 +42,6 @@ struct Laid {
 }
 
 /// Runs the study.
-///
-/// # Errors
-/// Returns the errors of the whole report.
 pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let effort = subject.effort;
     let courses = trials::small_phantoms(effort, progress)?;
@@ -124,8 +120,7 @@ fn trail_mm(settings: &MineSettings) -> f64 {
     settings.kept as f64 * settings.spacing_mm
 }
 
-/// Returns the path lengths (mm) of flights through a drawing from points around its start; `None` for flights that do not
-/// arrive.
+/// Returns the path lengths (mm) of flights through a drawing from points around its start; `None` for flights that do not arrive.
 fn arrivals(drawing: &Drawing, kept: usize, effort: Effort) -> Result<Vec<Option<f64>>> {
     let settings =
         PlaneSettings { mines: Some(MineSettings { kept, ..MineSettings::default() }), ..PlaneSettings::default() };

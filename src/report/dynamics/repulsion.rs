@@ -36,9 +36,6 @@ struct Flown {
 }
 
 /// Runs the study.
-///
-/// # Errors
-/// Returns the errors of the whole report.
 pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let paper = Scene::parse(PAPER, &crate::app::Catalog::default())?;
     let (t, m) = (paper.guides.get::<TentacleSettings>(), paper.mines.unwrap_or_default());

@@ -21,9 +21,6 @@ const STEPS: usize = 6 * STEP_HZ as usize;
 const LOOKED_AT: usize = STEPS / 2;
 
 /// Runs the study.
-///
-/// # Errors
-/// Returns the errors of the whole report.
 pub(crate) fn study(_: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     page.text(&format!(
         "Six seconds along the axis in steps of 1/{STEP_HZ} s, with a wall that acts beyond the axis (p = 20 mm in a tube of 15 mm), so that its force reverses at the kink of D_s. Lateral jerk is the root mean square of the third difference of the position across the tube over the last three seconds; offset is the mean distance from the axis. \

@@ -24,9 +24,6 @@ const HALVINGS: i32 = 34;
 const GROWN: f64 = 1.5;
 
 /// Runs the study.
-///
-/// # Errors
-/// Returns the errors of the whole report.
 pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let effort = subject.effort;
     let steps = effort.choose(150, 500);

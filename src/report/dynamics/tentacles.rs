@@ -23,8 +23,7 @@ const QUICK: [usize; 5] = [3, 8, 32, 128, 1024];
 const PLACES: u64 = 200;
 /// Search radius of exact clearances, mm. It exceeds any half width of the lumen.
 const EXACT_MM: f64 = 40.0;
-/// Maximum duration of a flight in a quick and in a full report, simulated seconds. No flight of a
-/// quick report arrives later.
+/// Maximum duration of a flight in a quick and in a full report, simulated seconds. No flight of a quick report arrives later.
 const SECONDS: [f64; 2] = [60.0, 120.0];
 
 /// Results for one number of tentacles.
@@ -45,9 +44,6 @@ struct Sensed {
 }
 
 /// Runs the study.
-///
-/// # Errors
-/// Returns the errors of the whole report.
 pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let effort = subject.effort;
     let courses = trials::small_phantoms(effort, progress)?;

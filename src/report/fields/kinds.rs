@@ -60,9 +60,6 @@ impl Decisions {
 }
 
 /// Judges the gas of phantoms with every kind of it, in all four positions.
-///
-/// # Errors
-/// Returns status 4 if interrupted.
 pub(super) fn phantoms(size: Size, name: &str, seeds: u64, progress: &Progress) -> Result<Vec<Judgement>> {
     const POSITIONS: [(Position, PatientPosition, &str); 4] = [
         (Position::Supine, PatientPosition::Supine, "supine"),
@@ -128,10 +125,8 @@ fn is_right(truth: BodyKind, found: GasKind) -> bool {
     )
 }
 
-/// Writes the section; `scan` is what the rules decide in a scan, with its title. Returns the findings.
-///
-/// # Errors
-/// Returns status 5 if a file cannot be written.
+/// Writes the section; `scan` is what the rules decide in a scan, with its title. Returns the findings. Fails with status 5 if a
+/// file cannot be written.
 pub(super) fn write(page: &mut Page, all: &[Judgement], scan: Option<&(String, Decisions)>) -> Result<Vec<String>> {
     page.section("What is colon");
     page.text(

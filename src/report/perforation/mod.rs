@@ -27,9 +27,6 @@ const ISO: f32 = -650.0;
 const LIMIT_MM: f64 = 4.0;
 
 /// Creates all places, ready for walks, with their names.
-///
-/// # Errors
-/// Returns status 4 if interrupted.
 pub(crate) fn grounds(seed: u64, progress: &Progress) -> Result<Vec<(String, Ground)>> {
     let places = places::all(seed, progress)?;
     Ok(places

@@ -22,9 +22,6 @@ const GAS: i16 = -1000;
 const TISSUE: i16 = 40;
 
 /// Creates all places: parts of phantoms of several seeds and spacings, tubes, the narrowest lumen, lumens that touch, noise.
-///
-/// # Errors
-/// Returns status 4 if interrupted.
 pub(crate) fn all(seed: u64, progress: &Progress) -> Result<Vec<Place>> {
     let mut places = Vec::new();
     let spacings = [DVec3::splat(0.9), DVec3::new(0.7, 0.7, 1.0), DVec3::new(0.3, 0.3, 10.0)];

@@ -197,10 +197,8 @@ fn race(mut runners: Vec<Runner>, stops: &[Stop], extent: &Extent, progress: &Pr
     Ok(runners.into_iter().map(finish).collect())
 }
 
-/// Resamples the same body to `side`³ voxels by trilinear interpolation.
-///
-/// # Errors
-/// Returns an error if that many voxels cannot be addressed or allocated.
+/// Resamples the same body to `side`³ voxels by trilinear interpolation. Fails if that many voxels cannot be addressed or
+/// allocated.
 fn resample(voxels: &Volume, side: usize) -> Result<Volume> {
     let grid = voxels.grid();
     let dims = grid.dims();

@@ -98,10 +98,8 @@ impl<S: VoxelSampler> VoxelSampler for Counting<'_, S> {
     }
 }
 
-/// Counts in the pictures of `stops`, each rendered from scratch with the samples of the preset `colvis`.
-///
-/// # Errors
-/// Returns an error for an invalid pose.
+/// Counts in the pictures of `stops`, each rendered from scratch with the samples of the preset `colvis`. Fails for an invalid
+/// pose.
 pub(crate) fn recount(volume: &PreparedVolume, stops: &[Stop], extent: &Extent) -> Result<Recount> {
     let bytes = ByteVolume::new(volume, 2);
     let mut sum = Recount::default();

@@ -40,10 +40,8 @@ fn machine() -> String {
     reported.map(|name| name.trim().to_owned()).find(|name| !name.is_empty()).unwrap_or_else(|| "here".to_owned())
 }
 
-/// Creates a temporary file in `folder`, locked if the disk supports locks. `set_up` configures the builder further.
-///
-/// # Errors
-/// Returns an error if the file cannot be created.
+/// Creates a temporary file in `folder`, locked if the disk supports locks. `set_up` configures the builder further. Fails if the
+/// file cannot be created.
 pub(super) fn locked(
     folder: &Path,
     set_up: impl Fn(&mut tempfile::Builder<'_, '_>),

@@ -5,8 +5,7 @@ use std::time::Duration;
 /// Time from one picture to the next, at sixty a second.
 #[doc(hidden)]
 pub const FRAME: Duration = Duration::from_micros(16_667);
-/// On a machine that is busy with other tasks, the rate drops to half before pictures become coarser than half their
-/// side.
+/// On a machine that is busy with other tasks, the rate drops to half before pictures become coarser than half their side.
 const SLOW_FRAME: Duration = FRAME.saturating_mul(2);
 /// Share of the frame time planned for a picture and its presentation. The rest is for the simulation and for whatever
 /// cannot be predicted.
@@ -17,8 +16,7 @@ const LEAST: f64 = 0.25;
 /// and a lasting change is known after a twentieth of a second.
 const REMEMBERED: usize = 8;
 const RANK: usize = 2;
-/// The median shows what lasts: three hiccups do not, and a machine that has become busy is known after a twelfth of a
-/// second.
+/// The median shows what lasts: three hiccups do not, and a machine that has become busy is known after a twelfth of a second.
 const LASTING: usize = 4;
 /// Three quarters of the side are worth a picture that is planned to take this many times as long.
 const LATE: f64 = 1.25;
@@ -32,8 +30,7 @@ const FIRST_NS: f64 = 2.2;
 pub struct Budget {
     /// A picture is as fine as this allows.
     pub samples: u64,
-    /// A picture is no coarser than three quarters of its side while this allows that size. No hiccup changes this
-    /// number.
+    /// A picture is no coarser than three quarters of its side while this allows that size. No hiccup changes this number.
     pub lasting: u64,
     /// A picture is no coarser than half its side while that size costs no more than this.
     pub at_half: u64,

@@ -37,8 +37,7 @@ impl Probes {
         &self.view
     }
 
-    /// Returns by how many pixels the picture moves from that view to the view `to`. A quarter of the points move
-    /// farther.
+    /// Returns by how many pixels the picture moves from that view to the view `to`. A quarter of the points move farther.
     ///
     /// The flow is infinite (a cut) if the points are out of sight, or if the picture has another size or camera.
     pub(crate) fn flow(&self, to: &View) -> f64 {
@@ -55,8 +54,7 @@ impl Probes {
     }
 }
 
-/// Returns the distance in pixels between `at` and the position where `view` shows `point`; infinite if it does not
-/// show it.
+/// Returns the distance in pixels between `at` and the position where `view` shows `point`; infinite if it does not show it.
 fn distance(view: &View, point: DVec3, at: [f64; 2]) -> f64 {
     if point == view.position() {
         // A camera right at the wall sees it where it was.

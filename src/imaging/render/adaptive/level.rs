@@ -19,8 +19,7 @@ const SLACK: [f64; LEVELS.len()] = [1.0, 1.3, 1.0, 1.0, 1.0, 1.0, 1.0];
 /// Cost of a pixel that is stretched from a coarser picture, in samples. If it were left out, a coarse picture, which
 /// is mostly stretching, would make samples look slow and stay coarse.
 pub(crate) const STRETCHED: f64 = 0.75;
-/// A finer level must be predicted to stay below these shares of the budget and of the motion, so that the choice does
-/// not flicker.
+/// A finer level must be predicted to stay below these shares of the budget and of the motion, so that the choice does not flicker.
 const HEADROOM: f64 = 0.9;
 const CALMER: f64 = 0.7;
 /// This must hold for this many consecutive pictures: detail is lost at once and comes back in steps.
@@ -28,8 +27,7 @@ const PATIENCE: u32 = 4;
 /// Detail that is lost again within this many pictures came back too soon. The next time the prediction must hold for
 /// twice as many pictures, up to half of this number.
 const DOUBT: u32 = 240;
-/// Factors by which predictions are increased: for a picture much like the last, and for one that has nothing in common
-/// with it.
+/// Factors by which predictions are increased: for a picture much like the last, and for one that has nothing in common with it.
 const MARGIN: [f64; 2] = [1.08, 1.35];
 /// A picture that has moved by this share of its shorter side has little in common with the last.
 const NEW: f64 = 0.25;
@@ -95,8 +93,7 @@ fn stretched(level: usize) -> f64 {
 impl Governor {
     /// Returns the size in pixels at which the next picture is traced.
     ///
-    /// The picture is shown in `size`, moves by `flow` pixels (infinite for a cut) and may cost
-    /// `budget`.
+    /// The picture is shown in `size`, moves by `flow` pixels (infinite for a cut) and may cost `budget`.
     pub(crate) fn next(&mut self, size: ImageSize, flow: f64, budget: Budget) -> ImageSize {
         let at_half = budget.at_half as f64;
         let allowed = |level| if level == THREE_QUARTERS { budget.lasting as f64 } else { budget.samples as f64 };
@@ -117,8 +114,7 @@ impl Governor {
         {
             level += 1;
         }
-        // Not because of a turn, nor because the machine has become slower, but because the picture cost more than
-        // expected.
+        // Not because of a turn, nor because the machine has become slower, but because the picture cost more than expected.
         let own = pixels * (stretched(self.level) + self.last.samples);
         let too_dear = level > self.level && own > allowed(self.level) * SLACK[self.level] && own > self.expected;
         self.kept = self.kept.saturating_add(1);
@@ -237,8 +233,7 @@ mod tests {
     #[test]
     fn hiccups_leave_three_quarters_of_the_side() {
         let mut g = Governor::default();
-        // In three of every ten pictures samples seem to take twice as long: a picture of 768 × 576 pixels would be too
-        // expensive.
+        // In three of every ten pictures samples seem to take twice as long: a picture of 768 × 576 pixels would be too expensive.
         for n in 0..300 {
             let samples = if n % 10 < 3 { 3_000_000 } else { 6_000_000 };
             let size = g.next(SHOWN, 2.0, Budget { samples, lasting: 6_000_000, at_half: 12_000_000 });

@@ -46,8 +46,7 @@ pub fn cost(work: &Work) -> u64 {
     work.samples.saturating_add(work.rays.saturating_mul(RAY))
 }
 
-/// Returns the cost of a picture of `shown` pixels, in samples, including stretching. `detail` is what its renderer
-/// reports.
+/// Returns the cost of a picture of `shown` pixels, in samples, including stretching. `detail` is what its renderer reports.
 #[doc(hidden)]
 pub fn cost_shown(work: &Work, detail: Option<Detail>, shown: ImageSize) -> u64 {
     let stretched = detail.is_some_and(|d| d.size != shown);
@@ -94,8 +93,7 @@ impl Adaptive {
         }
     }
 
-    /// Returns the settings of [`Adaptive`]'s finest samples for pictures with `settings`; `None` if those are not
-    /// refined.
+    /// Returns the settings of [`Adaptive`]'s finest samples for pictures with `settings`; `None` if those are not refined.
     #[doc(hidden)]
     pub fn fine(settings: Settings) -> Option<Settings> {
         let Settings { sensitivity, step_power, .. } = Settings::new(Quality::Reference);

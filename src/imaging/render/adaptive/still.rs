@@ -13,13 +13,11 @@ use crate::render::{Frame, View, Work};
 pub const SAMPLES: u32 = 16;
 /// Strips of a pass have a multiple of this many rows, which is also a multiple of a block's.
 const ROWS: usize = 4 * BLOCK;
-/// Number of passes that sample every pixel. The later ones continue where these have differed: samples that are alike
-/// add nothing.
+/// Number of passes that sample every pixel. The later ones continue where these have differed: samples that are alike add nothing.
 const EVERYWHERE: u32 = 3;
 /// A sample that differs from the earlier ones by no more grey levels than this counts as alike.
 const RESTLESS: u8 = 2;
-/// Assumed cost of a pixel before any was rendered, in samples: for a sharp pass, a fine pass, and a pass over selected
-/// squares.
+/// Assumed cost of a pixel before any was rendered, in samples: for a sharp pass, a fine pass, and a pass over selected squares.
 const FIRST: [f64; 3] = [12.0, 24.0, 12.0];
 /// Factor by which predictions are increased.
 const MARGIN: f64 = 1.15;
@@ -196,8 +194,7 @@ impl Still {
     }
 }
 
-/// True if the camera shows something in one part of a square and nothing in another. A few samples cannot show how
-/// much.
+/// True if the camera shows something in one part of a square and nothing in another. A few samples cannot show how much.
 fn is_at_border(view: &View, x: usize, y: usize) -> bool {
     if view.pixel().is_some() {
         return false;
@@ -206,8 +203,7 @@ fn is_at_border(view: &View, x: usize, y: usize) -> bool {
     (1..4).any(|n| shown(n) != shown(0))
 }
 
-/// Returns where the rays of sample `n` pass through their pixels, from the pixels' centres, pixels to the right and
-/// downwards.
+/// Returns where the rays of sample `n` pass through their pixels, from the pixels' centres, pixels to the right and downwards.
 ///
 /// These are the points of the reference, in an order whose mean stays near the centre, so that a picture does not
 /// drift while it is refined.

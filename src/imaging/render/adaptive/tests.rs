@@ -184,8 +184,7 @@ fn low_detail_is_cheaper_and_rests_when_it_is_sharp() {
     assert_eq!(r.render(&v, &mut frame), Work::default());
 }
 
-/// The pictures kept are the coarse one, the last one of a moving camera, what stretching needs, and those of a camera
-/// at rest.
+/// The pictures kept are the coarse one, the last one of a moving camera, what stretching needs, and those of a camera at rest.
 #[test]
 fn the_memory_includes_every_picture() {
     let grid = Grid::new([16; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();

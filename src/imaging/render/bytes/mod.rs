@@ -1,10 +1,8 @@
-//! The paper's volume of eight bits a voxel (section 2.2): seven bits for the value, and one that marks homogeneous
-//! surroundings.
+//! The paper's volume of eight bits a voxel (section 2.2): seven bits for the value, and one that marks homogeneous surroundings.
 //!
-//! The 128 codes cover the values that matter: `lo` of the wall's ramp is code 32 and `hi` is code 74, so a code stands
-//! for (hi − lo)/42 HU, 7.1 HU by default, from −1028 to −122 HU. Values outside this range get the nearest code.
-//! Within it, the error of a value is at most half a code. No empty voxel gets a code that is not
-//! empty.
+//! The 128 codes cover the values that matter: `lo` of the wall's ramp is code 32 and `hi` is code 74, so a code stands for (hi −
+//! lo)/42 HU, 7.1 HU by default, from −1028 to −122 HU. Values outside this range get the nearest code. Within it, the error of a
+//! value is at most half a code. No empty voxel gets a code that is not empty.
 //!
 //! The flag is stored in the voxel's own byte, as in the paper, and not in the [`flags`](crate::space::flags) of the 16-bit
 //! volume. One read returns value and flag, which is what this preset is meant to measure.
@@ -170,8 +168,7 @@ pub struct ByteStorage {
 impl ByteStorage {
     /// Renders from `bytes`, which must be made from `volume`, with the given leaping and gradients.
     ///
-    /// Some leaping methods need distances. These are computed from the 16-bit voxels: whatever is empty there is also
-    /// empty here.
+    /// Some leaping methods need distances. These are computed from the 16-bit voxels: whatever is empty there is also empty here.
     #[doc(hidden)]
     pub fn new(volume: &PreparedVolume, bytes: ByteVolume, leap: Leaping, gradients: GradientSource) -> Self {
         let accelerations = Accelerations::new(volume, &ByteTrilinear::new(volume, &bytes), leap, gradients);

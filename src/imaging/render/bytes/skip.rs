@@ -39,8 +39,7 @@ impl Skipper for ByteLeap<'_> {
 
     #[inline(always)]
     fn next(&self, (): &mut (), ray: &Ray, mut n: u32) -> u32 {
-        // The position is within half a voxel of the flagged voxel, and so are samples less than half a voxel further
-        // on.
+        // The position is within half a voxel of the flagged voxel, and so are samples less than half a voxel further on.
         while n < ray.count && self.bytes.is_empty(ray.at(n)) {
             n += ray.near;
         }

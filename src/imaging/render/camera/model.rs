@@ -119,8 +119,7 @@ impl CameraModel {
     /// A perspective camera without a name. Use it as the base of others: `..CameraModel::BASE`.
     pub const BASE: Self = Self { name: "", summary: "", ..super::perspective::MODEL };
 
-    /// Creates the camera for a view angle, degrees over the image's shorter side, and for an image's width divided by
-    /// its height.
+    /// Creates the camera for a view angle, degrees over the image's shorter side, and for an image's width divided by its height.
     ///
     /// # Errors
     /// Returns status 2 if the model has no such camera.

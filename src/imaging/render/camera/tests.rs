@@ -1,5 +1,4 @@
-//! Tests cameras that no renderer knows: they must show what they should with every preset and quality, with the exact
-//! depth.
+//! Tests cameras that no renderer knows: they must show what they should with every preset and quality, with the exact depth.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
@@ -17,8 +16,7 @@ use crate::render::{
 use crate::shared::shared;
 use crate::space::{PreparedVolume, TransferFunction, first_crossing};
 
-/// An equidistant fisheye: the angle from the axis grows with the distance from the middle, and ends at the shorter
-/// side.
+/// An equidistant fisheye: the angle from the axis grows with the distance from the middle, and ends at the shorter side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Fisheye {
     half_angle: f64,

@@ -150,8 +150,7 @@ impl View {
         Ok(Self { position, forward, right, up, camera, width, height, unit, pixel, centre })
     }
 
-    /// Returns the image's `rows` as a separate image, with each ray moved by `shift` pixels to the right and
-    /// downwards.
+    /// Returns the image's `rows` as a separate image, with each ray moved by `shift` pixels to the right and downwards.
     ///
     /// Has at most as many rows as the image, and at least one.
     pub fn strip(&self, rows: Range<usize>, [right, down]: [f64; 2]) -> Self {

@@ -9,8 +9,7 @@ use crate::space::PreparedVolume;
 use super::chessboard::{FAR, Outside, chessboard};
 use super::{EDGE, EmptyRadius};
 
-/// For each brick the number of bricks, by chessboard moves, to the nearest one in which something may be visible; 0
-/// there.
+/// For each brick the number of bricks, by chessboard moves, to the nearest one in which something may be visible; 0 there.
 pub struct BrickWalls {
     bricks: [usize; 3],
     distance: Vec<u8>,

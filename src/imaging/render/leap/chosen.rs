@@ -42,8 +42,7 @@ impl Leaper {
         }
     }
 
-    /// Returns the skipper for rays whose samples depend on voxels nearer than `REACH`. `flag` leaps by the storage's
-    /// own flags.
+    /// Returns the skipper for rays whose samples depend on voxels nearer than `REACH`. `flag` leaps by the storage's own flags.
     pub fn skipper<'a, F: Skipper, const REACH: u8>(
         &'a self,
         volume: &'a PreparedVolume,

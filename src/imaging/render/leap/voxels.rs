@@ -12,8 +12,7 @@ use crate::volume::AIR_HU;
 use super::chessboard::{FAR, Outside, chessboard};
 use super::{EmptyRadius, SLACK};
 
-/// For each voxel the number of voxels, by chessboard moves, to the nearest one that is not empty; 255 means at least
-/// 255.
+/// For each voxel the number of voxels, by chessboard moves, to the nearest one that is not empty; 255 means at least 255.
 ///
 /// Chessboard and not Euclidean distance, because a sample depends on a box of voxels, whatever their spacing.
 pub struct VoxelWalls {

@@ -30,8 +30,7 @@ pub(crate) struct Beam {
 }
 
 impl Beam {
-    /// Creates the bundle from `origin` (grown voxel coordinates) of the rays whose steps (voxels) lie between `low`
-    /// and `high`.
+    /// Creates the bundle from `origin` (grown voxel coordinates) of the rays whose steps (voxels) lie between `low` and `high`.
     #[inline(always)]
     pub(crate) fn new(origin: Vec3, low: Vec3, high: Vec3) -> Self {
         let (bottom, top) = (Vec3A::from(low), Vec3A::from(high));
@@ -73,8 +72,7 @@ impl Beam {
         self.meets((corner(first) - reach) * side, (corner(last) + (1.0 + reach)) * side)
     }
 
-    /// Returns the first `k` from `k` on at which one of the rays may meet something, or `end` if there is none before
-    /// it.
+    /// Returns the first `k` from `k` on at which one of the rays may meet something, or `end` if there is none before it.
     ///
     /// The result is early by about a thousandth of a voxel. Nothing is known outside the grown volume.
     #[inline(always)]

@@ -1,12 +1,10 @@
-//! The gradient cache (the paper's cache at frame level): the regressions at a cell's eight corners, kept as long as
-//! there is room.
+//! The gradient cache (the paper's cache at frame level): the regressions at a cell's eight corners, kept as long as there is room.
 //!
 //! A voxel covers hundreds of pixels of a colon's wall, and the next frame shows nearly the same cells. Where a voxel
 //! covers few pixels, [`fit`](super::fit) works without the cache.
 //!
-//! [`gradient_store`](crate::render::gradient_store) keeps quantised gradients of single voxels, shared by all threads,
-//! for rays traced one by one. Sixteen rays are shaded cell by cell, in full precision, and each thread has its own
-//! cache.
+//! [`gradient_store`](crate::render::gradient_store) keeps quantised gradients of single voxels, shared by all threads, for rays
+//! traced one by one. Sixteen rays are shaded cell by cell, in full precision, and each thread has its own cache.
 
 use glam::{Mat3, Vec3, Vec4, Vec4Swizzles};
 
@@ -102,8 +100,7 @@ fn at_corners(r: &Regression, block: &Block) -> [[Vec4; 2]; 3] {
     let middle = |p: Vec4, q: Vec4| Vec4::new(p.y, p.z, q.y, q.z);
     let low = |p: Vec4, q: Vec4| Vec4::new(p.x, p.y, q.x, q.y);
     let high = |p: Vec4, q: Vec4| Vec4::from((p.zw(), q.zw()));
-    // For each slice: what A and B take from the slice itself and from its neighbours, and what C takes from the
-    // neighbours.
+    // For each slice: what A and B take from the slice itself and from its neighbours, and what C takes from the neighbours.
     let slice = |[r0, r1, r2, r3]: [Vec4; 4]| {
         let (sum, difference) = ((r0 + r2, r1 + r3), (r2 - r0, r3 - r1));
         // Even and odd parts along x: of the rows themselves, and of the sums and the differences of their neighbours.

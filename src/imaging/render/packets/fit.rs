@@ -1,9 +1,8 @@
 //! The gradient regression at sixteen places at once.
 //!
-//! Where voxels are fine, each ray of a bundle meets the wall in a different cell, and the next picture's rays meet it
-//! in others. A cell's eight regressions, computed to be cached ([`cells`](super::cells)), would serve a single ray.
-//! Here the regression is computed at the rays' exact positions, like [`Regression::fit`] does for one position, with a
-//! lane for each ray.
+//! Where voxels are fine, each ray of a bundle meets the wall in a different cell, and the next picture's rays meet it in others. A
+//! cell's eight regressions, computed to be cached ([`cells`](super::cells)), would serve a single ray. Here the regression is
+//! computed at the rays' exact positions, like [`Regression::fit`] does for one position, with a lane for each ray.
 
 use fearless_simd::{Simd, f32x16, prelude::*};
 

@@ -37,8 +37,7 @@ pub(crate) type Corners<S> = [i32x16<S>; 4];
 const ONE: f32 = (1 << 14) as f32;
 
 impl<'a> Voxels<'a> {
-    /// Returns the voxels of `volume`; `None` if an axis has fewer than two of them, or if there are more than an `i32`
-    /// can count.
+    /// Returns the voxels of `volume`; `None` if an axis has fewer than two of them, or if there are more than an `i32` can count.
     pub(crate) fn new(volume: &'a Volume) -> Option<Self> {
         let dims = volume.grid().dims();
         let data = volume.data();
@@ -63,9 +62,8 @@ impl<'a> Voxels<'a> {
         let [nx, ny, nz] = self.last;
         let (x, y, z) = (x.max(1).min(nx) - 1, y.max(1).min(ny) - 1, z.max(1).min(nz) - 1);
         let at = wanted.select(x + y * self.row + z * self.slice, i32x16::splat(simd, 0));
-        // SAFETY: x ≤ n_x − 2, y ≤ n_y − 2 and z ≤ n_z − 2, so the pair at (x, y + 1, z + 1) ends at the last voxel at
-        // most, and no index is below 0. `new` ensured that the product of the n is the length of `data` and fits an
-        // i32.
+        // SAFETY: x ≤ n_x − 2, y ≤ n_y − 2 and z ≤ n_z − 2, so the pair at (x, y + 1, z + 1) ends at the last voxel at most, and no
+        // index is below 0. `new` ensured that the product of the n is the length of `data` and fits an i32.
         unsafe {
             [
                 pairs(simd, self.data.as_ptr(), at),
@@ -174,9 +172,8 @@ impl<'a> OccupancyLanes<'a> {
         // A brick has four pieces, one for each layer; two layers are loaded.
         let at = line * PIECES + ((x & 4) + ((y & 4) << 1) + ((z & 4) << 2) + (z & 2));
         let bit = (x & 3) + ((y & 3) << 2) + ((z & 1) << 4);
-        // SAFETY: the piece is one of the line's first 31. The line belongs to a cell within the bricks, and `new`
-        // ensured that `bits` holds all of these and that their pieces fit an i32. A line is `repr(C)` and has no
-        // padding.
+        // SAFETY: the piece is one of the line's first 31. The line belongs to a cell within the bricks, and `new` ensured that
+        // `bits` holds all of these and that their pieces fit an i32. A line is `repr(C)` and has no padding.
         let found = unsafe { pairs(simd, self.bits.as_ptr().cast(), at) };
         ((found >> bit) & 1).simd_eq(1)
     }
@@ -241,8 +238,7 @@ unsafe fn pairs<S: Simd>(simd: S, data: *const i16, at: i32x16<S>) -> i32x16<S> 
         Level::Avx2(_) => {
             use std::arch::x86_64::{_mm256_i32gather_epi32, _mm256_loadu_si256};
             let at = at.as_array().as_ptr();
-            // SAFETY: the level guarantees that the processor has AVX2; the caller guarantees that the loads are within
-            // the data.
+            // SAFETY: the level guarantees that the processor has AVX2; the caller guarantees that the loads are within the data.
             let (low, high) = unsafe {
                 let (low, high) = (_mm256_loadu_si256(at.cast()), _mm256_loadu_si256(at.add(8).cast()));
                 (_mm256_i32gather_epi32::<2>(from, low), _mm256_i32gather_epi32::<2>(from, high))

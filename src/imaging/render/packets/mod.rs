@@ -301,8 +301,7 @@ mod tests {
         }
     }
 
-    /// A thin-walled box, so wide that leaps are long, on axes that are not at right angles and with slices that are
-    /// far apart.
+    /// A thin-walled box, so wide that leaps are long, on axes that are not at right angles and with slices that are far apart.
     #[test]
     fn what_is_left_out_of_a_sheared_grid_changes_nothing() {
         let shear = DMat3::from_cols(DVec3::X, DVec3::new(0.7, 0.7, 0.1), DVec3::new(0.2, -0.3, 0.9));

@@ -118,14 +118,12 @@ impl Occupancy {
         self.bricks
     }
 
-    /// Returns the bits of all bricks: cubes of 2×2×2 bricks. Cubes, and bricks within a cube, are ordered with x
-    /// fastest.
+    /// Returns the bits of all bricks: cubes of 2×2×2 bricks. Cubes, and bricks within a cube, are ordered with x fastest.
     pub(crate) fn bit_cubes(&self) -> &[Line<u64, 8>] {
         &self.bits
     }
 
-    /// Returns the distances of all bricks: cubes of 4×4×4 bricks. Cubes, and bricks within a cube, are ordered with x
-    /// fastest.
+    /// Returns the distances of all bricks: cubes of 4×4×4 bricks. Cubes, and bricks within a cube, are ordered with x fastest.
     pub(crate) fn distance_cubes(&self) -> &[Line<u8, 64>] {
         &self.distance
     }

@@ -1,7 +1,6 @@
 //! Traces sixteen rays at once, from their first sample to their light.
 //!
-//! The recurrence is that of [`caster`](crate::render::caster): L ← L + (1 − A)·C, (1 − A) ← (1 − A)(1 − a). Three
-//! things differ.
+//! The recurrence is that of [`caster`](crate::render::caster): L ← L + (1 − A)·C, (1 − A) ← (1 − A)(1 − a). Three things differ.
 //!
 //! **Steps.** The volume is sampled at t = k·Δs. Between two samples the value is taken as linear (pre-integration,
 //! Engel, Kraus and Ertl 2001). Where the ray was in the wall before, it is taken as the parabola that also passes
@@ -40,8 +39,7 @@ use crate::render::transfer::PALETTE_HU;
 const PATIENCE: f32 = 8.0;
 
 impl Rays<'_> {
-    /// Casts a packet of rays `apart` pixels from each other, row by row, the first through the centre of pixel (`x`,
-    /// `y`).
+    /// Casts a packet of rays `apart` pixels from each other, row by row, the first through the centre of pixel (`x`, `y`).
     ///
     /// The rays must meet nothing before `from` steps.
     #[inline(always)]
@@ -170,8 +168,7 @@ impl Rays<'_> {
                     samples += 16;
                 }
                 sampled = true;
-                // A parabola through three samples for rays that were in the wall before this step, too, and a line for
-                // the others.
+                // A parabola through three samples for rays that were in the wall before this step, too, and a line for the others.
                 let rise = v1 - v0;
                 let curve = (open & v0.simd_gt(foot)).select(rise - (v0 - v_before), zero);
                 let [outer, inner] = [curve * (7.0 / 128.0), curve * (15.0 / 128.0)];

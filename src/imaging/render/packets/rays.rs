@@ -33,8 +33,7 @@ const NEAR: f64 = 2.0;
 const ROUNDING: [f32; 2] = [2e-3, 4e-7];
 /// A camera with a larger grown voxel coordinate than this is rendered in double precision.
 const FAR: f64 = 1e4;
-/// A step that moves less than this along an axis does not move along it, voxels: a million steps add up to a
-/// thousandth.
+/// A step that moves less than this along an axis does not move along it, voxels: a million steps add up to a thousandth.
 pub(super) const STILL: f32 = 1e-9;
 /// Limit for a layer's share of the light times how far back it is, steps. The error of a layer's light scales with its
 /// share and grows with its length.
@@ -67,9 +66,8 @@ pub(crate) struct Rays<'a> {
     /// A step is h · 2^`power`, which determines how often the opacity is halved.
     pub(super) power: i32,
     pub(super) sensitivity: f32,
-    /// A layer is shaded, and another begins, in two cases. Its mean position's distance back, in steps, times its
-    /// share of the light exceeds the first number while the ray runs along the wall; or the distance exceeds the
-    /// second number.
+    /// A layer is shaded, and another begins, in two cases. Its mean position's distance back, in steps, times its share of the
+    /// light exceeds the first number while the ray runs along the wall; or the distance exceeds the second number.
     pub(super) layer: [f32; 2],
     /// The most that a value changes over a step where a ray runs along the wall, HU: see [`STEEP`].
     pub(super) steep: f32,
@@ -140,8 +138,7 @@ pub(crate) struct PacketResult {
     pub depth: [f32; 16],
     /// Number of layers that ended before another began.
     pub layers: [f32; 16],
-    /// For the first of several layers: its share of the light, and that share times its position; 0 if there is only
-    /// one.
+    /// For the first of several layers: its share of the light, and that share times its position; 0 if there is only one.
     pub front: [[f32; 16]; 2],
     /// Number of samples taken.
     pub samples: u32,
@@ -181,9 +178,8 @@ fn layer_steps(waves: f32, power: i32) -> [f32; 2] {
 impl<'a> Rays<'a> {
     /// Prepares the rays of `view` in a scan with the given [`waves`](super::blur::waves).
     ///
-    /// Returns `None` if this caster cannot render the view. It needs at least two voxels along each axis, no more
-    /// voxels and pieces of their bits than an `i32` can count, a camera within ten thousand voxels, and rays that all
-    /// start at the camera.
+    /// Returns `None` if this caster cannot render the view. It needs at least two voxels along each axis, no more voxels and
+    /// pieces of their bits than an `i32` can count, a camera within ten thousand voxels, and rays that all start at the camera.
     pub(crate) fn new(
         volume: &'a PreparedVolume,
         occupancy: &'a Occupancy,

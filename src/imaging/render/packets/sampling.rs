@@ -1,9 +1,8 @@
 //! Adaptive image-plane sampling: interpolates pixels between rays. A voxel of the wall covers hundreds of pixels of a
 //! frame, so most rays add no information.
 //!
-//! Rays are cast through the corners and the centres of blocks of 4×4 pixels. If the centre is what the corners
-//! predict, and nothing else speaks against it, the block's pixels are interpolated. These conditions must hold
-//! ([`ImageSamples::judge`]):
+//! Rays are cast through the corners and the centres of blocks of 4×4 pixels. If the centre is what the corners predict, and
+//! nothing else speaks against it, the block's pixels are interpolated. These conditions must hold ([`ImageSamples::judge`]):
 //!
 //! - All five rays end in the wall in their first layer, or all in their second, or all five meet nothing.
 //! - The block's rays (corners and centre) are no farther apart than two voxels at its distance. That is the length of
@@ -11,9 +10,8 @@
 //! - At the centre, brightness and the inverse depth of each layer (which is linear over a plane) match the mean of the
 //!   corners, and the corners are not twisted.
 //!
-//! Between the corners values are bilinear, plus a tent over the centre for its difference: blocks meet without a seam.
-//! A block that is nearly smooth is divided into quarters ([`subdivided`](super::subdivided)). Everywhere else each
-//! pixel gets its own ray.
+//! Between the corners values are bilinear, plus a tent over the centre for its difference: blocks meet without a seam. A block
+//! that is nearly smooth is divided into quarters ([`subdivided`](super::subdivided)). Everywhere else each pixel gets its own ray.
 //!
 //! A custom shader that calls itself smooth ([`Shader::is_smooth`](crate::render::Shader::is_smooth)) has its colours
 //! interpolated in the same way. Each of its channels must then meet the conditions for brightness, too, in addition to

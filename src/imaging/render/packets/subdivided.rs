@@ -27,8 +27,7 @@ impl Subdivided {
         in_rows(self.block.corners, self.block.centre, self.middles)
     }
 
-    /// Returns which of the four quarters (left to right, then top to bottom) may be interpolated between their
-    /// corners.
+    /// Returns which of the four quarters (left to right, then top to bottom) may be interpolated between their corners.
     pub(crate) fn smooth(&self) -> [bool; 4] {
         let p = self.points();
         quarters(&p, is_straight, is_even)
@@ -101,8 +100,7 @@ fn ends([a, b, c, d]: [f32; 4]) -> [f32; 2] {
     [a.min(b).min(c).min(d), a.max(b).max(c).max(d)]
 }
 
-/// Weights of a subdivided block's rays ([`Subdivided::points`]) in each of its pixels, row by row: bilinear in each
-/// quarter.
+/// Weights of a subdivided block's rays ([`Subdivided::points`]) in each of its pixels, row by row: bilinear in each quarter.
 pub(crate) static SUBDIVIDED_WEIGHTS: [[f32; BLOCK * BLOCK]; 9] = subdivided_weights();
 
 const fn subdivided_weights() -> [[f32; BLOCK * BLOCK]; 9] {

@@ -28,9 +28,8 @@ use crate::render::renderer::Renderer;
 use crate::render::single::{by_frames, stretched};
 use crate::space::PreparedVolume;
 
-/// The paper's renderer: 7 + 1 bits a voxel, classification by filtered density, the homogeneous-region flag, the
-/// nearest voxel at low detail and trilinear at high, a gradient cache, and frame-to-frame reuse by the paper's rule
-/// with key frames.
+/// The paper's renderer: 7 + 1 bits a voxel, classification by filtered density, the homogeneous-region flag, the nearest voxel at
+/// low detail and trilinear at high, a gradient cache, and frame-to-frame reuse by the paper's rule with key frames.
 pub const PRESET: Preset = Preset {
     name: "colvis",
     summary: "the paper's combination: 7 + 1 bits per voxel, reuse with key frames",

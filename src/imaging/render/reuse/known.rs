@@ -187,8 +187,7 @@ pub(crate) struct Bounds {
 }
 
 impl Bounds {
-    /// Computes bounds for the rays of `motion`'s new picture, whose first `free` mm (in all directions) are known to
-    /// be empty.
+    /// Computes bounds for the rays of `motion`'s new picture, whose first `free` mm (in all directions) are known to be empty.
     ///
     /// Coarse blocks selected by `skip` keep the bound `free`.
     pub(crate) fn new<K: Empty + Sync>(

@@ -37,8 +37,7 @@ use prove::Pyramid;
 pub enum Refresh {
     /// Renders every Nth picture from scratch (the paper's key frames).
     KeyFrames(u32),
-    /// Renders one Nth of each picture from scratch, a different part each time, so that no single picture pays for
-    /// all.
+    /// Renders one Nth of each picture from scratch, a different part each time, so that no single picture pays for all.
     Staggered(u32),
 }
 

@@ -1,9 +1,8 @@
 //! Finds how far the pyramid of a pixel is empty, along its ray.
 //!
-//! At t mm from the camera every ray of a pixel is within t · spread of its central ray. If a point on the central ray
-//! has more empty surroundings ([`EmptyRadius`]) than this, the pyramid is empty along the ray before and behind the
-//! point, for a length equal to the surplus. The ray is walked from one such point to the next (sphere tracing, Hart
-//! 1996, of a cone: Amanatides 1984).
+//! At t mm from the camera every ray of a pixel is within t · spread of its central ray. If a point on the central ray has more
+//! empty surroundings ([`EmptyRadius`]) than this, the pyramid is empty along the ray before and behind the point, for a length
+//! equal to the surplus. The ray is walked from one such point to the next (sphere tracing, Hart 1996, of a cone: Amanatides 1984).
 
 use super::known::BEYOND;
 use crate::render::View;

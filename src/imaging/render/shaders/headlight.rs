@@ -20,9 +20,8 @@ pub const MODEL: ShaderModel = ShaderModel {
 
 /// A headlight: a light at the camera, so that the only angle that matters is that between the ray and the normal.
 ///
-/// Brightness is `ambient + diffuse · max(0, n·ray)`, n the normalised gradient. HU rise into the wall, so n·ray is
-/// positive where the wall faces the camera. In a homogeneous region the gradient points at the camera, and brightness
-/// is full.
+/// Brightness is `ambient + diffuse · max(0, n·ray)`, n the normalised gradient. HU rise into the wall, so n·ray is positive where
+/// the wall faces the camera. In a homogeneous region the gradient points at the camera, and brightness is full.
 pub struct Headlight {
     palette: Palette,
     to_world: Mat3,
@@ -101,9 +100,8 @@ mod tests {
     use crate::space::TransferFunction;
     use crate::volume::{Grid, Volume};
 
-    /// Between a wall seen head on and one seen edge on, brightness is linear in gradient · ray, however long the
-    /// gradient. A wall seen from behind gets only the light that comes from everywhere, and a homogeneous region gets
-    /// all of it.
+    /// Between a wall seen head on and one seen edge on, brightness is linear in gradient · ray, however long the gradient. A wall
+    /// seen from behind gets only the light that comes from everywhere, and a homogeneous region gets all of it.
     #[test]
     fn brightness_is_linear_in_the_cosine() {
         let grid = Grid::new([2; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();

@@ -1,9 +1,8 @@
 //! Shaders: the colour of a point of the wall. Each is one file and a line in [`BUILT_IN`].
 //!
-//! Every renderer of this crate gets its colours from the chosen [`Shader`]. The default, [`headlight`], is part of the
-//! renderers and costs no call. Any other shader is called for each point of the wall that a ray meets. Packets of rays
-//! then cast a ray for every pixel, as they cannot know what is between two rays, unless the shader
-//! [is smooth](Shader::is_smooth).
+//! Every renderer of this crate gets its colours from the chosen [`Shader`]. The default, [`headlight`], is part of the renderers
+//! and costs no call. Any other shader is called for each point of the wall that a ray meets. Packets of rays then cast a ray for
+//! every pixel, as they cannot know what is between two rays, unless the shader [is smooth](Shader::is_smooth).
 
 pub mod headlight;
 
@@ -52,8 +51,7 @@ impl SurfacePoint {
     }
 }
 
-/// The colour of points of the wall. It must depend on the point alone: points are requested in any order, by all
-/// threads.
+/// The colour of points of the wall. It must depend on the point alone: points are requested in any order, by all threads.
 pub trait Shader: Send + Sync + Debug {
     /// Returns red, green and blue of a point as shown, 0 to 1 each. NaN counts as 0.
     fn colour(&self, point: &SurfacePoint) -> Vec3;

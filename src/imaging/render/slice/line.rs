@@ -94,8 +94,7 @@ impl<'a> Sampler<'a> {
         (0..LANES).map(|i| u64::from(is_in(i)) << i).sum()
     }
 
-    /// Returns the values at positions on a line near the scan. Positions outside take the value of the nearest
-    /// position within.
+    /// Returns the values at positions on a line near the scan. Positions outside take the value of the nearest position within.
     #[inline(always)]
     fn between<S: Simd>(&self, simd: S, voxels: &Voxels<'_>, start: DVec3, step: DVec3) -> f32x16<S> {
         let lane = f32x16::load_array_ref(simd, &NUMBERS);
@@ -148,8 +147,7 @@ fn value(volume: &Volume, at: DVec3) -> f32 {
 
 /// Interpolates between the corners like [`value`].
 ///
-/// Weights are floats because HU are written to files here. The rounded weights of rays would be off by a quarter of an
-/// HU.
+/// Weights are floats because HU are written to files here. The rounded weights of rays would be off by a quarter of an HU.
 #[inline(always)]
 fn blend<S: Simd>(corners: Corners<S>, share: [f32x16<S>; 3]) -> f32x16<S> {
     let [a, b, c, d] = corners;

@@ -67,8 +67,7 @@ impl Slice {
         }
     }
 
-    /// Enlarges values of this slice to an image of `size`, with pixels smaller by `factor` and the same top left
-    /// corner.
+    /// Enlarges values of this slice to an image of `size`, with pixels smaller by `factor` and the same top left corner.
     ///
     /// Values are linear between the centres of the larger pixels.
     // The enlarger of pictures works on colours; these are HU, which the pointer reads.
@@ -99,8 +98,7 @@ impl Slice {
     ///
     /// Allocates nothing if `out` already has the right size, and gives the same bytes for every number of threads.
     ///
-    /// A voxel reaches half its size beyond its centre. The outermost voxels keep their value there; farther out is
-    /// outside.
+    /// A voxel reaches half its size beyond its centre. The outermost voxels keep their value there; farther out is outside.
     pub fn fill(&self, volume: &Volume, out: &mut Vec<f32>) {
         self.fill_slab(volume, Slab::default(), out);
     }

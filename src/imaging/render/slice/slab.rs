@@ -62,8 +62,7 @@ impl Slab {
         self.steps(grid) + 1
     }
 
-    /// Returns the number of steps between the faces, the same in front of the plane as behind it; 0 for the plane
-    /// alone.
+    /// Returns the number of steps between the faces, the same in front of the plane as behind it; 0 for the plane alone.
     fn steps(self, grid: &Grid) -> usize {
         (2 * (self.mm / grid.min_spacing()).ceil() as usize).min(MAX_STEPS)
     }

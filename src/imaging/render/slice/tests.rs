@@ -144,8 +144,7 @@ fn slabs_of_a_linear_volume() {
 fn slabs_of_a_quadratic_volume() {
     let (volume, middle) = volume_of(DMat3::IDENTITY, |d| 100.0 * d.z * d.z);
     let slice = Slice { centre: middle, frame: SlicePlane::Axial.frame().unwrap(), mm_per_pixel: 0.3, size: [8, 8] };
-    // Trilinear values exceed the parabola by c·h²/6 on average, and the trapezoidal rule adds c·s²/6, with s at most
-    // h/2.
+    // Trilinear values exceed the parabola by c·h²/6 on average, and the trapezoidal rule adds c·s²/6, with s at most h/2.
     for mm in [4.0, 11.0, 20.0] {
         let mut out = Vec::new();
         let mut fill = |kind| {
@@ -194,8 +193,7 @@ fn slabs_at_the_scans_end_count_what_is_in_it() {
     }
 }
 
-/// Any number of threads, any subset of rows at a time and every SIMD level give the same bytes. A second fill needs no
-/// new memory.
+/// Any number of threads, any subset of rows at a time and every SIMD level give the same bytes. A second fill needs no new memory.
 #[test]
 fn threads_and_parts_change_nothing() {
     let turn = DMat3::from_rotation_y(0.7) * DMat3::from_rotation_x(-0.2);

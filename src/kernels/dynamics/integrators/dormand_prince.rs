@@ -24,8 +24,7 @@ const E: [f64; 7] =
     [71.0 / 57600.0, 0.0, -71.0 / 16695.0, 71.0 / 1920.0, -17253.0 / 339200.0, 22.0 / 525.0, -1.0 / 40.0];
 
 impl DormandPrince {
-    /// Computes one fifth-order part, its difference from fourth order, and the rate at its end. `first` is the rate at
-    /// its start.
+    /// Computes one fifth-order part, its difference from fourth order, and the rate at its end. `first` is the rate at its start.
     fn part(f: &mut Counted<'_>, t: f64, y: Phase, h: f64, first: Phase) -> (Phase, Phase, Phase) {
         let mut k = [first; 7];
         let mut next = y;

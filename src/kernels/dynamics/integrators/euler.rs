@@ -4,8 +4,7 @@ use super::{Counted, Phase, StepCost, Stepper, System};
 
 /// `y₁ = y₀ + h f(y₀)`. Order 1.
 ///
-/// Gains energy in every well: for `x″ = −ω² x − k x′` it is stable only for `h < k/ω²` (if `k < 2ω`), so never without
-/// drag.
+/// Gains energy in every well: for `x″ = −ω² x − k x′` it is stable only for `h < k/ω²` (if `k < 2ω`), so never without drag.
 #[doc(hidden)]
 pub struct ExplicitEuler;
 

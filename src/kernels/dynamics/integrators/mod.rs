@@ -55,8 +55,7 @@ pub trait System {
     /// Returns the derivative of the rate with respect to the state.
     fn jacobian(&self, t: f64, y: Phase) -> Blocks;
 
-    /// Returns the derivative of the rate with respect to time, if it has one. `scale` is a time over which it changes
-    /// little, s.
+    /// Returns the derivative of the rate with respect to time, if it has one. `scale` is a time over which it changes little, s.
     fn time_rate(&self, _t: f64, _y: Phase, _scale: f64) -> Phase {
         Phase::default()
     }

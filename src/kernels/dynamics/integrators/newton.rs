@@ -10,8 +10,7 @@ const LASTS_S: f64 = 0.05;
 /// How often a step is halved if it cannot be solved.
 const DEPTH: u32 = 4;
 
-/// `y₁ = y₀ + h f(y₁)`. Order 1, L-stable: motion that a step does not resolve is damped out, in the drag and at the wall
-/// alike.
+/// `y₁ = y₀ + h f(y₁)`. Order 1, L-stable: motion that a step does not resolve is damped out, in the drag and at the wall alike.
 #[doc(hidden)]
 pub struct BackwardEuler;
 

@@ -20,8 +20,7 @@ impl Phase {
         self.u.is_finite() && self.w.is_finite()
     }
 
-    /// Returns the norm used to measure errors: the larger of `|u|` and `|B w|` times one second, where `B` is the
-    /// mobility.
+    /// Returns the norm used to measure errors: the larger of `|u|` and `|B w|` times one second, where `B` is the mobility.
     pub(crate) fn norm(&self, mobility: DMat3) -> f64 {
         let (u, w) = (self.u.length(), (mobility * self.w).length());
         // `max` would drop a NaN.

@@ -8,10 +8,9 @@ use super::{Inertia, unit};
 ///
 /// Its angular momentum (world, g·mm²/s) decays as `L(t) = L₀ e^(−k t)` with `drag` `k` (1/s).
 ///
-/// `ω = L/J_t + (1/J_a − 1/J_t)(L·a) a` for the axis `a`. Without drag `L` and `L·a` are constant, and the motion is a
-/// turn about the body's axis followed by one about `L` (regular precession; Goldstein, *Classical Mechanics*, 5.6):
-/// `q(t) = exp(t L/J_t) q₀ exp(t (1/J_a − 1/J_t)(L·a) e_z)`. Drag only rescales `L`, so it only slows time down to `s(t)
-/// = (1 − e^(−k t))/k`.
+/// `ω = L/J_t + (1/J_a − 1/J_t)(L·a) a` for the axis `a`. Without drag `L` and `L·a` are constant, and the motion is a turn about
+/// the body's axis followed by one about `L` (regular precession; Goldstein, *Classical Mechanics*, 5.6): `q(t) = exp(t L/J_t) q₀
+/// exp(t (1/J_a − 1/J_t)(L·a) e_z)`. Drag only rescales `L`, so it only slows time down to `s(t) = (1 − e^(−k t))/k`.
 pub fn turn(start: DQuat, angular: DVec3, inertia: &Inertia, drag: f64, seconds: f64) -> DQuat {
     let s = slowed(drag, seconds);
     let along = angular.dot(start * DVec3::Z);

@@ -1,9 +1,8 @@
 //! The rotation as a system to integrate, relative to the free motion, so that everything known exactly stays exact.
 //!
-//! The orientation is written as `q(t) = exp(θ(t)) R(t)`, where `R` is the body's free, damped motion of [`free`], and
-//! the angular momentum as `L(t) = L₀ e^(−k t) + w(t)`. The remainder to integrate starts at zero and does not contain
-//! the fast spin (an interaction picture; for the chart see Iserles, Munthe-Kaas, Nørsett and Zanna, *Lie-group methods*,
-//! Acta Numerica 2000):
+//! The orientation is written as `q(t) = exp(θ(t)) R(t)`, where `R` is the body's free, damped motion of [`free`], and the angular
+//! momentum as `L(t) = L₀ e^(−k t) + w(t)`. The remainder to integrate starts at zero and does not contain the fast spin (an
+//! interaction picture; for the chart see Iserles, Munthe-Kaas, Nørsett and Zanna, *Lie-group methods*, Acta Numerica 2000):
 //!
 //! ```text
 //! θ′ = dexp⁻¹(θ) (ω(q, L) − exp(θ) ω_R)      w′ = T(q) − k w

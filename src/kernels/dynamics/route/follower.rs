@@ -80,8 +80,7 @@ impl RouteFollower {
 
     /// Returns the offset of the body from the plan at `u = t/T` after it joined: `d(u)`, `ḋ`, `d̈`.
     ///
-    /// It is the quintic Hermite polynomial from `(d₀, w, b)` to rest at 0, so position, velocity and acceleration are
-    /// continuous.
+    /// It is the quintic Hermite polynomial from `(d₀, w, b)` to rest at 0, so position, velocity and acceleration are continuous.
     fn offset(&self) -> [DVec3; 3] {
         let [d, w, b] = self.off;
         let big = self.join_s;
@@ -103,8 +102,7 @@ impl RouteFollower {
         [place, speed / big, bent / (big * big)]
     }
 
-    /// Returns the current rate of the plan's time and its change per second. A flight that waits starts gradually
-    /// (smoothstep).
+    /// Returns the current rate of the plan's time and its change per second. A flight that waits starts gradually (smoothstep).
     fn pace(&self) -> (f64, f64) {
         let u = (self.since / self.join_s).min(1.0);
         let share = 1.0 - self.waits + self.waits * u * u * (3.0 - 2.0 * u);

@@ -51,8 +51,7 @@ pub struct Route {
 }
 
 impl Route {
-    /// Creates a route along a polyline (world mm) whose points are `clearance` (mm) from the wall. The frames start with
-    /// `up`.
+    /// Creates a route along a polyline (world mm) whose points are `clearance` (mm) from the wall. The frames start with `up`.
     ///
     /// Points that are not finite or that repeat another are dropped. Returns `None` if fewer than two remain.
     pub fn along(line: &[DVec3], clearance: &[f64], up: DVec3) -> Option<Self> {
@@ -116,8 +115,7 @@ impl Route {
         self.points.len() * (2 * size_of::<DVec3>() + size_of::<f64>())
     }
 
-    /// Returns a control point. Beyond the ends, points are mirrored, so that the curve starts and ends at the outermost
-    /// ones.
+    /// Returns a control point. Beyond the ends, points are mirrored, so that the curve starts and ends at the outermost ones.
     fn control(&self, n: i64) -> DVec3 {
         let last = self.points.len() as i64 - 1;
         if n < 0 {
@@ -203,8 +201,7 @@ impl Route {
         sum.try_normalize().unwrap_or_else(|| self.tangent(s))
     }
 
-    /// Returns the positions along the path, mm, that are nearest to `at` (world mm) among their neighbours, nearest
-    /// first.
+    /// Returns the positions along the path, mm, that are nearest to `at` (world mm) among their neighbours, nearest first.
     ///
     /// Loops of the colon touch, so the nearest of all may be in another loop.
     pub fn nearest(&self, at: DVec3) -> Vec<f64> {

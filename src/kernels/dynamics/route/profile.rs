@@ -60,8 +60,7 @@ impl PathSettings {
         Ok(())
     }
 
-    /// Returns the speed at a position along a path, mm/s: `v ≤ cruise`, `v² · curvature ≤ acceleration`, `v ≤ clearance
-    /// / wall_s`.
+    /// Returns the speed at a position along a path, mm/s: `v ≤ cruise`, `v² · curvature ≤ acceleration`, `v ≤ clearance / wall_s`.
     pub fn speed(&self, route: &Route, s: f64) -> f64 {
         let bend = route.bend(s, BEND_MM).max(1e-9);
         let allowed = (self.acceleration_mm_s2 / bend).sqrt().min(route.clearance(s) / self.wall_s);
@@ -134,8 +133,7 @@ impl Profile {
         Self { moments }
     }
 
-    /// Returns the distance over time under speed and acceleration limits alone, every [`Profile::TICK`], and the initial
-    /// speed.
+    /// Returns the distance over time under speed and acceleration limits alone, every [`Profile::TICK`], and the initial speed.
     fn fastest(route: &Route, from: f64, speed: f64, settings: &PathSettings) -> (Vec<f64>, f64) {
         let length = route.length_mm() - from;
         let cells = (length / super::STEP_MM).ceil().clamp(8.0, 1e6) as usize;
@@ -280,8 +278,7 @@ mod tests {
         }
     }
 
-    /// With nearly unlimited acceleration the speed is that of each place, along the whole of a narrow stretch and
-    /// nowhere else.
+    /// With nearly unlimited acceleration the speed is that of each place, along the whole of a narrow stretch and nowhere else.
     #[test]
     fn a_narrow_stretch_is_slow_from_its_beginning_to_its_end() {
         let line: Vec<DVec3> = (0..=100).map(|n| DVec3::X * f64::from(n)).collect();

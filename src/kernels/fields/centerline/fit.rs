@@ -124,8 +124,7 @@ fn frames(line: &[DVec3]) -> Vec<Across> {
         .collect()
 }
 
-/// Returns the distances to the wall along the rays across the line, mm; 0 if a ray leaves the cross-section without
-/// hitting it.
+/// Returns the distances to the wall along the rays across the line, mm; 0 if a ray leaves the cross-section without hitting it.
 fn cut(walls: &WallDistance, at: DVec3, frame: &Across) -> [f32; RAYS] {
     let grid = walls.grid();
     let centre = grid.voxel(at);
@@ -156,8 +155,7 @@ fn around(values: &[f64], n: usize) -> &[f64] {
     &values[n.saturating_sub(EASE)..(n + EASE + 1).min(values.len())]
 }
 
-/// Returns the fitted line where it is free. Elsewhere it moves towards the input line, which is free, only as far as
-/// necessary.
+/// Returns the fitted line where it is free. Elsewhere it moves towards the input line, which is free, only as far as necessary.
 fn kept_free(walls: &WallDistance, line: &[DVec3], fitted: &[DVec3]) -> Vec<DVec3> {
     let clear = |p: DVec3| f64::from(walls.at(walls.voxel(p)).unwrap_or(-1.0));
     let mut share: Vec<f64> = line

@@ -19,8 +19,7 @@ const PER_MM: f32 = 8.0;
 /// Number of voxels between two checks for cancellation.
 const EVERY: u64 = 1 << 16;
 
-/// Returns the shortest path of voxels from `start` to `goal` through the peeled remainder; `None` if they are not
-/// connected.
+/// Returns the shortest path of voxels from `start` to `goal` through the peeled remainder; `None` if they are not connected.
 pub(super) fn peeled(
     walls: &WallDistance,
     start: [i64; 3],

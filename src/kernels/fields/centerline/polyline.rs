@@ -13,8 +13,7 @@ pub(super) const LEAN: f64 = 0.4;
 pub(super) fn is_free(walls: &WallDistance, a: DVec3, b: DVec3) -> bool {
     let start = walls.voxel(a);
     let Some(clear) = walls.at(start).filter(|&d| d >= 0.0) else { return false };
-    // The ball given by the distance contains only lumen. At both ends a voxel reaches half a diagonal beyond its
-    // centre.
+    // The ball given by the distance contains only lumen. At both ends a voxel reaches half a diagonal beyond its centre.
     if f64::from(clear) >= a.distance(b) + walls.grid().spacing().length() {
         return true;
     }

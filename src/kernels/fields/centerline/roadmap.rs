@@ -184,9 +184,8 @@ fn climbed(walls: &WallDistance, from: [i64; 3]) -> [i64; 3] {
     at
 }
 
-/// Adds the ball at a voxel and assigns it the unowned voxels that it covers. It covers a diagonal less than its
-/// radius, so that the straight segment from its centre to any of its voxels passes through no voxel outside. It always
-/// covers its centre voxel.
+/// Adds the ball at a voxel and assigns it the unowned voxels that it covers. It covers a diagonal less than its radius, so that
+/// the straight segment from its centre to any of its voxels passes through no voxel outside. It always covers its centre voxel.
 fn add(walls: &WallDistance, centre: [i64; 3], owner: &mut [u32], balls: &mut Vec<Ball>) {
     let radius = f64::from(walls.at(centre).unwrap_or(0.0).max(0.0));
     let own = balls.len() as u32;

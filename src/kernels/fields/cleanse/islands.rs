@@ -14,9 +14,6 @@ const TISSUE_HU: i16 = -700;
 const MOST_MM3: f64 = 60.0;
 
 /// Turns pieces of what is left that hang together with nothing else into gas. `bits` are overwritten.
-///
-/// # Errors
-/// Returns status 4 if interrupted.
 pub(super) fn clear(volume: &Volume, changes: &mut Changes, mut bits: Bits, progress: &Progress) -> Result<()> {
     let grid = volume.grid();
     let [nx, ny, nz] = grid.dims();

@@ -109,9 +109,6 @@ pub(super) struct Pools {
 }
 
 /// Takes out all pools.
-///
-/// # Errors
-/// Returns status 4 if interrupted.
 pub(super) fn cleanse(
     volume: &Volume,
     lumen: &Lumen,

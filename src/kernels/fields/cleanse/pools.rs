@@ -29,9 +29,6 @@ pub(super) struct Split {
 }
 
 /// Finds all levels, and the fluid of each. Returns `None` if there is no gas above any fluid.
-///
-/// # Errors
-/// Returns status 4 if interrupted.
 pub(super) fn split(grid: &Grid, lumen: &Lumen, progress: &Progress) -> Result<Option<Split>> {
     let fluid = lumen.fluid();
     let Some(down) = downwards(lumen, Frame::of(grid)) else { return Ok(None) };

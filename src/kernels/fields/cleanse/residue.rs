@@ -115,9 +115,6 @@ pub(super) struct Residue {
 }
 
 /// Takes out films and stool. Voxels of `taken` belong to pools, whose tag is as bright as `usual`, HU; infinite if there are none.
-///
-/// # Errors
-/// Returns status 4 if interrupted.
 pub(super) fn cleanse(
     volume: &Volume,
     lumen: &Lumen,

@@ -1,5 +1,4 @@
-//! Approximate distances to the wall, for comparison with the exact one: two passes over the grid's box around the
-//! lumen.
+//! Approximate distances to the wall, for comparison with the exact one: two passes over the grid's box around the lumen.
 //!
 //! Chamfer distances (Borgefors 1986) add the lengths of steps to the 26 neighbours. The chessboard distance counts
 //! voxels along the longest axis; in mm it is the count times the smallest spacing, a lower bound. Both assume that the

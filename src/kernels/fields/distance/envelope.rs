@@ -1,7 +1,6 @@
 //! The lower envelope of parabolas, in one sweep (Felzenszwalb and Huttenlocher 2012).
 
-/// Returns the first whole position at or after `place`, or 0 if it is negative. (`ceil` is a function call on a
-/// baseline CPU.)
+/// Returns the first whole position at or after `place`, or 0 if it is negative. (`ceil` is a function call on a baseline CPU.)
 fn from(place: f32) -> usize {
     let whole = place as usize;
     whole + usize::from((whole as f32) < place)

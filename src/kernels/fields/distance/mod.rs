@@ -1,17 +1,15 @@
 //! D_s, the distance to the wall, inside the lumen and in a shell of two voxels around it.
 //!
-//! The wall is sampled where grid edges between a voxel of the lumen and one outside cross the iso value, by linear
-//! interpolation (half-way for a mask). The distance to these samples is exact (see `transform`). It is therefore never
-//! less than the distance to the interpolated wall, and exceeds it by at most the diagonal of a voxel. Right beside the
-//! wall, the plane through the neighbouring samples replaces them. Measured on spheres, the error is 0.02 of a voxel in
-//! the mean and at most 0.4, at voxels that see the wall along a diagonal, past their own edges (see the tests). The
-//! distance is negative in the shell.
+//! The wall is sampled where grid edges between a voxel of the lumen and one outside cross the iso value, by linear interpolation
+//! (half-way for a mask). The distance to these samples is exact (see `transform`). It is therefore never less than the distance to
+//! the interpolated wall, and exceeds it by at most the diagonal of a voxel. Right beside the wall, the plane through the
+//! neighbouring samples replaces them. Measured on spheres, the error is 0.02 of a voxel in the mean and at most 0.4, at voxels
+//! that see the wall along a diagonal, past their own edges (see the tests). The distance is negative in the shell.
 //!
-//! Between voxels it is a cubic B-spline with the distances as its coefficients. The spline is twice continuously
-//! differentiable, exact where the distance is linear, and a mean of distances, so it never overshoots. Its weights
-//! have the second moment h²/3 about the position along each axis, and distances are 1-Lipschitz. The spline therefore
-//! stays within √((hx² + hy² + hz²)/3) of the distance everywhere (Jensen). It approaches that bound only on the ridge,
-//! which it rounds.
+//! Between voxels it is a cubic B-spline with the distances as its coefficients. The spline is twice continuously differentiable,
+//! exact where the distance is linear, and a mean of distances, so it never overshoots. Its weights have the second moment h²/3
+//! about the position along each axis, and distances are 1-Lipschitz. The spline therefore stays within √((hx² + hy² + hz²)/3) of
+//! the distance everywhere (Jensen). It approaches that bound only on the ridge, which it rounds.
 //!
 //! On a sheared grid (a tilted gantry stored as such), distances are measured along the axes as if they were orthogonal
 //! and scaled by their least stretch: a lower bound of the distance.
@@ -35,8 +33,7 @@ use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
 use transform::Walls;
 
-/// Width of the shell around the lumen in which the distance is kept too, voxels: the spline's reach at any position in
-/// the lumen.
+/// Width of the shell around the lumen in which the distance is kept too, voxels: the spline's reach at any position in the lumen.
 const SHELL: usize = 2;
 
 /// The part of the lumen that counts as free.
@@ -214,10 +211,9 @@ impl Distance for WallDistance {
 }
 
 impl Clearances for WallDistance {
-    /// Never more than the distance to the wall of the lumen that this was built from (with [`Through::Gas`], of the
-    /// gas). It is the best bound given by the voxels around the position: a distance changes by at most the path
-    /// length. The diagonal of a voxel is subtracted, since distances to the wall's samples can exceed the distance to
-    /// the wall by that much.
+    /// Never more than the distance to the wall of the lumen that this was built from (with [`Through::Gas`], of the gas). It is
+    /// the best bound given by the voxels around the position: a distance changes by at most the path length. The diagonal of a
+    /// voxel is subtracted, since distances to the wall's samples can exceed the distance to the wall by that much.
     fn clearance(&self, at: DVec3) -> Clearance {
         let none = Clearance { mm: 0.0, toward: DVec3::ZERO };
         if !self.is_inside(self.voxel(at)) {
@@ -239,8 +235,7 @@ impl Clearances for WallDistance {
 
 #[cfg(test)]
 impl WallDistance {
-    /// Returns the distance inside the region accepted by `is_in` (world, mm), on a grid with its first voxel at the
-    /// origin.
+    /// Returns the distance inside the region accepted by `is_in` (world, mm), on a grid with its first voxel at the origin.
     pub(in crate::fields) fn drawn(dims: [usize; 3], spacing: DVec3, is_in: impl Fn(DVec3) -> bool) -> Self {
         let grid = Grid::new(dims, spacing, DVec3::ZERO, glam::DMat3::IDENTITY).unwrap();
         let place =

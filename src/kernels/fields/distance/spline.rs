@@ -75,16 +75,14 @@ fn add(sums: &mut [f64; 10], weight: &[f64; 10], value: f64) {
     sums.iter_mut().zip(weight).for_each(|(s, w)| *s += w * value);
 }
 
-/// Evaluates the spline at a world point, with `value` (mm) at each voxel as its coefficients; `None` if one is
-/// missing.
+/// Evaluates the spline at a world point, with `value` (mm) at each voxel as its coefficients; `None` if one is missing.
 pub(in crate::fields) fn sample(grid: &Grid, at: DVec3, value: impl Fn([i64; 3]) -> Option<f32>) -> Option<Sample> {
     let mut sums = [0.0; 10];
     each(grid, at, |v, weight| value(v).map(|x| add(&mut sums, weight, f64::from(x))).is_some())?;
     Some(Local::of(sums).in_world(grid))
 }
 
-/// Same as [`sample`], using only the voxels that have a value, with weights scaled to a sum of 1; `None` if there are
-/// none.
+/// Same as [`sample`], using only the voxels that have a value, with weights scaled to a sum of 1; `None` if there are none.
 pub(in crate::fields) fn sample_some(
     grid: &Grid,
     at: DVec3,

@@ -107,8 +107,7 @@ fn a_sphere_is_met_to_hundredths_of_a_voxel() {
         let centre = DVec3::new(16.6, 25.3, 28.9);
         let v = volume(grid(dims, spacing), |p| {
             let d = p.distance(centre) - 15.0;
-            // −650 HU at d = 0, and linear around it, so that the test measures the distance's error, not the
-            // interpolation's.
+            // −650 HU at d = 0, and linear around it, so that the test measures the distance's error, not the interpolation's.
             (-650.0 + 200.0 * d).clamp(-1000.0, 40.0)
         });
         let field = of_gas(&v);

@@ -1,12 +1,10 @@
-//! The exact Euclidean distance to the points where grid edges cross the wall, in time linear in the number of
-//! requested voxels.
+//! The exact Euclidean distance to the points where grid edges cross the wall, in time linear in the number of requested voxels.
 //!
-//! Sources are on grid edges, off the voxels' centres along one axis each. For sources on edges along x, a scan finds
-//! the nearest one along each row. The lower envelope of parabolas (Felzenszwalb and Huttenlocher 2012) extends this
-//! across y and then z, where those sources are at whole indices, so it is exact. The same holds for y and z with the
-//! scan along their own axis. Extending one family's distance along its own axis a second time would add the squares of
-//! two parts of one distance and fall below the truth. The three families are therefore merged only when their
-//! remaining passes are the same:
+//! Sources are on grid edges, off the voxels' centres along one axis each. For sources on edges along x, a scan finds the nearest
+//! one along each row. The lower envelope of parabolas (Felzenszwalb and Huttenlocher 2012) extends this across y and then z, where
+//! those sources are at whole indices, so it is exact. The same holds for y and z with the scan along their own axis. Extending one
+//! family's distance along its own axis a second time would add the squares of two parts of one distance and fall below the truth.
+//! The three families are therefore merged only when their remaining passes are the same:
 //!
 //! D² = min(Pz(min(Py(fx²), Px(fy²))), Py(Px(fz²))),  P_a the envelope along axis a, f_a the scan.
 //!
@@ -276,8 +274,7 @@ impl Envelope {
 /// Values of the members in each row of a plane.
 type PlaneRows<'v> = Vec<&'v mut [f32]>;
 
-/// Splits the values of `set` into the rows of slices (fixed k) or of layers (fixed j), so that different threads can
-/// write them.
+/// Splits the values of `set` into the rows of slices (fixed k) or of layers (fixed j), so that different threads can write them.
 fn planes<'v>(set: &VoxelSet, mut values: &'v mut [f32], axis: usize) -> Vec<PlaneRows<'v>> {
     let [_, ny, nz] = set.dims();
     let (count, each) = if axis == 1 { (nz, ny) } else { (ny, nz) };
@@ -369,9 +366,8 @@ impl Slice {
     }
 }
 
-/// Returns the squared distance to the plane through the crossings within one voxel along two or three axes, mm²;
-/// infinite if there are fewer. Crossings are samples of the surface: right beside it, the plane through them is nearer
-/// than any of them.
+/// Returns the squared distance to the plane through the crossings within one voxel along two or three axes, mm²; infinite if there
+/// are fewer. Crossings are samples of the surface: right beside it, the plane through them is nearer than any of them.
 fn tangent(f: [f32; 3], squares: [f32; 3]) -> f32 {
     let (mut sum, mut count) = (0.0, 0);
     for a in 0..3 {

@@ -11,8 +11,7 @@ use crate::volume::{Grid, Volume};
 
 /// Minimum size of a piece of gas as a fraction of the largest one, unless it is [`AMPLE_ML`].
 const LEAST_SHARE: f64 = 0.05;
-/// Gas of this volume is kept however large the largest piece is, ml: part of the colon between two collapsed
-/// stretches.
+/// Gas of this volume is kept however large the largest piece is, ml: part of the colon between two collapsed stretches.
 const AMPLE_ML: f64 = 15.0;
 /// Bubbles smaller than this are never kept beside a larger piece, ml.
 pub(super) const BUBBLE_ML: f64 = 0.1;

@@ -84,8 +84,7 @@ fn smooth(polyline: &[DVec3]) -> Vec<DVec3> {
     (0..polyline.len()).map(mean).collect()
 }
 
-/// Returns the voxel near a node's centre with the largest inscribed ball among its neighbours, found with halving
-/// steps.
+/// Returns the voxel near a node's centre with the largest inscribed ball among its neighbours, found with halving steps.
 fn centred(grid: &Grid, rows: &Rows, node: &Node) -> DVec3 {
     let Some(mut at) = nearest(grid, rows, node.centre, BALL_MM, |l| l == node.label).map(|n| n.1) else {
         return node.centre;
@@ -120,8 +119,7 @@ pub(super) fn to_index(voxel: DVec3) -> [i64; 3] {
     voxel.to_array().map(|x| x.round() as i64)
 }
 
-/// Returns the distance, mm, from the centre of the gas voxel at `world` to the nearest voxel centre that is not gas of
-/// `label`.
+/// Returns the distance, mm, from the centre of the gas voxel at `world` to the nearest voxel centre that is not gas of `label`.
 fn ball(grid: &Grid, rows: &Rows, world: DVec3, label: u32) -> f64 {
     let [i, j, k] = to_index(grid.voxel(world));
     let spacing = grid.spacing();

@@ -39,8 +39,7 @@ const FILM_MM: f64 = 5.0;
 const FAR_MM: f64 = 160.0;
 /// Passages narrower than about twice this are not flooded, mm.
 const PASSAGE_MM: f64 = 1.2;
-/// Maximum volume of a pool in the colon, ml. Beyond it the flood has leaked, and only fluid directly under the surface
-/// counts.
+/// Maximum volume of a pool in the colon, ml. Beyond it the flood has leaked, and only fluid directly under the surface counts.
 const POOL_ML: f64 = 400.0;
 
 /// Tagged fluid and the segments that it joins.
@@ -286,8 +285,7 @@ impl<'a> Flood<'a> {
                     if self.hu(q) <= threshold || self.is_taken(q) || far > FAR_MM || depth(q) < surface {
                         continue;
                     }
-                    // Outside the core only its rim is taken, as wide as the core's distance from voxels that are not
-                    // bright.
+                    // Outside the core only its rim is taken, as wide as the core's distance from voxels that are not bright.
                     let left = if self.is_core(q, threshold) { rim } else { left - 1 };
                     if self.take(q) && left > 0 {
                         open.push_back((q, far, left));

@@ -1,5 +1,4 @@
-//! A coarse map of the gas: cells of at least 4 mm, split where a wall runs through them, and the contacts between
-//! them.
+//! A coarse map of the gas: cells of at least 4 mm, split where a wall runs through them, and the contacts between them.
 //!
 //! A plain coarse grid would join two loops whose common wall is thinner than a cell. Here a node is the part of *one*
 //! connected piece of gas within a cell, and two nodes are neighbours only if their voxels touch.
@@ -152,10 +151,8 @@ impl Graph {
         Cells::of(grid, &self.nodes)
     }
 
-    /// Returns the runs that the map was made of, labelled with what `label` makes of the number of their node.
-    ///
-    /// # Errors
-    /// Returns an error if cancelled, or if there are too many runs.
+    /// Returns the runs that the map was made of, labelled with what `label` makes of the number of their node. Fails if cancelled,
+    /// or if there are too many runs.
     pub(crate) fn labelled(
         &self,
         cells: &Cells,

@@ -102,8 +102,7 @@ impl<'a> Interior<'a> {
         let values = self.values.as_ref()?;
         let iso = values.iso_of(inside);
         let [a, b] = [inside, outside].map(|v| f64::from(values.volume.get(v[0], v[1], v[2])));
-        // Tissue is darker than fluid and brighter than gas. A neighbour on the same side is excluded for another
-        // reason.
+        // Tissue is darker than fluid and brighter than gas. A neighbour on the same side is excluded for another reason.
         let parted = if values.is_fluid(inside) { a > iso && b <= iso } else { a <= iso && b > iso };
         parted.then(|| (iso - a) / (b - a))
     }

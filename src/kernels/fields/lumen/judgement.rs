@@ -24,8 +24,7 @@ const NARROW_MM: [f64; 2] = [20.0, 30.0];
 /// … with this share.
 const NARROW: f64 = 0.5;
 
-/// Builds the lumen from its cores: judges each body, or its parts if narrow passages divide it, and keeps
-/// what is colon or may be.
+/// Builds the lumen from its cores: judges each body, or its parts if narrow passages divide it, and keeps what is colon or may be.
 pub(super) fn lumen(volume: &Volume, core: Core, told: &[Told], frame: Frame, progress: &Progress) -> Result<Lumen> {
     let grid = volume.grid();
     let landmarks = Landmarks::of(volume, frame);

@@ -79,8 +79,7 @@ pub struct Segment {
     pub fluid_ml: f64,
     /// Minimum and maximum world coordinates of the gas voxels' centres, mm.
     pub bounds_mm: [DVec3; 2],
-    /// The rectal end, then the cecal one: centres of good inscribed balls in the gas near the lumen's two ends, world,
-    /// mm.
+    /// The rectal end, then the cecal one: centres of good inscribed balls in the gas near the lumen's two ends, world, mm.
     pub ends: [DVec3; 2],
     /// Other segments joined to this one by tagged fluid.
     pub joined_to: Vec<usize>,

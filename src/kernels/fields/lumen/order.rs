@@ -114,8 +114,7 @@ pub(super) fn order(links: &[Link], body: &Body) -> SegmentOrder {
         let mm = gap_mm(&links[a], &links[b], from, to) / body.scale;
         if links[a].joined_to.contains(&b) { FLUID_GAP * mm } else { mm * (1.0 + mm.min(DEAREST_MM) / DEAR_GAP_MM) }
     };
-    // best[set][state]: least cost of passing `set` and ending in `state` (segment and direction), and the previous
-    // state.
+    // best[set][state]: least cost of passing `set` and ending in `state` (segment and direction), and the previous state.
     let states = 2 * n;
     let mut best = vec![(f64::INFINITY, usize::MAX); (1 << n) * states];
     for s in 0..states {

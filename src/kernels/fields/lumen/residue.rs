@@ -24,8 +24,7 @@ const THIN_RATIO: f64 = 2.2;
 const THIN_SLACK_MM: f64 = 0.5;
 /// Minimum number of voxels that certainly belong to a rod.
 const SURE_VOXELS: usize = 4;
-/// Maximum fraction of a bridge's voxels that touch other tissue: only its ends do, while the rim of a fold does all
-/// along.
+/// Maximum fraction of a bridge's voxels that touch other tissue: only its ends do, while the rim of a fold does all along.
 const ATTACHED_SHARE: f64 = 0.5;
 /// Minimum length of a bridge, mm.
 const BRIDGE_MM: f64 = 3.0;

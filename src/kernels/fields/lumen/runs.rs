@@ -42,21 +42,17 @@ pub(in crate::fields) struct Rows {
 }
 
 impl Rows {
-    /// Joins the rows of slices given in order, each as (length of every row, runs).
-    ///
-    /// # Errors
-    /// Returns an error if there are too many runs to number with 32 bits.
+    /// Joins the rows of slices given in order, each as (length of every row, runs). Fails if there are too many runs to number
+    /// with 32 bits.
     pub(crate) fn from_slices(dims: [usize; 3], slices: Vec<(Vec<u32>, Vec<Run>)>) -> Result<Self> {
         let mut rows = Self::without_rows(dims);
         slices.into_iter().try_for_each(|s| rows.append(s))?;
         Ok(rows)
     }
 
-    /// Same as [`Rows::from_slices`] with slices that `slice` makes by number, in parallel. Only a few slices exist
-    /// beside the rows at any time: all of a scan's gas and noise is tens of megabytes.
-    ///
-    /// # Errors
-    /// Same as [`Rows::from_slices`], and the first error of `slice`.
+    /// Same as [`Rows::from_slices`] with slices that `slice` makes by number, in parallel. Only a few slices exist beside the rows
+    /// at any time: all of a scan's gas and noise is tens of megabytes. Fails as [`Rows::from_slices`] does, and with the first error of
+    /// `slice`.
     pub(crate) fn gather(
         dims: [usize; 3],
         slice: impl Fn(usize) -> Result<(Vec<u32>, Vec<Run>)> + Sync,
@@ -231,8 +227,7 @@ impl Rows {
         out
     }
 
-    /// Returns the 26-connected component of every run, and the number of components. The runs of each row must be
-    /// separate.
+    /// Returns the 26-connected component of every run, and the number of components. The runs of each row must be separate.
     pub(crate) fn components_by_corners(&self) -> (Vec<u32>, usize) {
         let [_, ny, nz] = self.dims;
         let mut sets = Sets::new(self.runs.len());
@@ -251,9 +246,6 @@ impl Rows {
 
     /// Labels every run with its 6-connected component, numbered from 0 in the order of first voxels, and returns the number of
     /// components. The runs of each row must be separate. Slices are joined internally in parallel, then to each other in order.
-    ///
-    /// # Errors
-    /// Returns an error if cancelled.
     pub(super) fn label_components(&mut self, progress: &Progress) -> Result<usize> {
         let [_, ny, nz] = self.dims;
         let slice_starts: Vec<usize> = (0..=nz).map(|k| self.offsets[k * ny] as usize).collect();

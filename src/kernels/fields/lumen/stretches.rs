@@ -24,8 +24,7 @@ pub struct CoarseAlong {
 }
 
 impl CoarseAlong {
-    /// Measures the ways from each segment's rectal end. If the segments' order is known, each begins where the one before
-    /// ends.
+    /// Measures the ways from each segment's rectal end. If the segments' order is known, each begins where the one before ends.
     ///
     /// # Errors
     /// Returns status 4 if interrupted.

@@ -118,9 +118,6 @@ fn settings(effort: Effort, own_mm: f64, touching: bool) -> Vec<Setting> {
 }
 
 /// Measures phantoms, with limbs that touch and without.
-///
-/// # Errors
-/// Returns status 4 if interrupted.
 pub(super) fn phantoms(effort: Effort, size: Size, seed: u64, progress: &Progress) -> Result<Vec<Run>> {
     let mut runs = Vec::new();
     for touching in [true, false] {
@@ -149,9 +146,6 @@ fn phantom(setting: Setting, size: Size, seed: u64, progress: &Progress) -> Resu
 }
 
 /// Measures a scan: as it is, then averaged to thicker slices and with noise added, against the line of the scan as it is.
-///
-/// # Errors
-/// Returns status 4 if interrupted.
 pub(super) fn scan(effort: Effort, title: &str, volume: &Volume, progress: &Progress) -> Result<Vec<Run>> {
     let own_mm = volume.grid().spacing().z;
     let as_it_is = Setting { slice_mm: own_mm, noise_hu: 0.0, wall_mm: None };
@@ -197,9 +191,6 @@ fn line(volume: &Volume, progress: &Progress) -> Result<(Lumen, Centerline)> {
 }
 
 /// Separates a failure, as exit status and reason, from an interruption.
-///
-/// # Errors
-/// Returns status 4 if interrupted.
 fn attempt<T>(result: Result<T>, progress: &Progress) -> Result<std::result::Result<T, String>> {
     match result {
         Ok(value) => Ok(Ok(value)),

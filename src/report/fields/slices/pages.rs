@@ -7,10 +7,7 @@ use crate::report::page::Page;
 use crate::report::plot::{Plot, Point, Series};
 use crate::report::table::{Cell, Table};
 
-/// Writes the section. Returns the findings.
-///
-/// # Errors
-/// Returns status 5 if a file cannot be written.
+/// Writes the section. Returns the findings. Fails with status 5 if a file cannot be written.
 pub(in super::super) fn write(page: &mut Page, phantoms: &[Run], scan: &[Run]) -> Result<Vec<String>> {
     page.section("What thick slices and noise do to the colon's length");
     page.text(&format!(

@@ -13,10 +13,8 @@ use crate::progress::Progress;
 /// Uncompressed bytes of one block, large enough that restarting costs almost no compression.
 pub(crate) const BLOCK: usize = 1 << 20;
 
-/// Gzips `prefix` followed by `blocks` blocks made by `make`. `progress` advances by uncompressed bytes.
-///
-/// # Errors
-/// Returns the sink's error, or the cancellation (wrapped).
+/// Gzips `prefix` followed by `blocks` blocks made by `make`. `progress` advances by uncompressed bytes. Returns the sink's error,
+/// or the cancellation (wrapped).
 pub(crate) fn gzip(
     sink: &mut dyn Write,
     prefix: &[u8],

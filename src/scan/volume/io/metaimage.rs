@@ -79,10 +79,7 @@ fn tags<'a>(path: &'a Path, head: &[u8]) -> Result<Tags<'a>> {
     Err(Error::file(path, "its header has no ElementDataFile", "export it again"))
 }
 
-/// Reads the scan.
-///
-/// # Errors
-/// Returns status 3 if the header is invalid or the data does not match it, status 4 if cancelled.
+/// Reads the scan. Fails with status 3 if the header is invalid or the data does not match it, status 4 if cancelled.
 pub(crate) fn load(path: &Path, progress: &Progress) -> Result<Scanned> {
     let head = source::head(path, text::MAX_HEADER)?;
     let tags = tags(path, &head)?;

@@ -45,10 +45,7 @@ fn version(head: &[u8]) -> Option<(u8, ByteOrder)> {
     }
 }
 
-/// Reads the scan.
-///
-/// # Errors
-/// Returns status 3 if the header is invalid or the data does not match it, status 4 if cancelled.
+/// Reads the scan. Fails with status 3 if the header is invalid or the data does not match it, status 4 if cancelled.
 pub(crate) fn load(path: &Path, progress: &Progress) -> Result<Scanned> {
     let head = source::head(path, HEAD as u64)?;
     let header = parse(path, &head)?;
@@ -357,10 +354,8 @@ fn rotation(path: &Path, c: &Common) -> Result<DMat3> {
     Ok(direction)
 }
 
-/// Returns the 352 bytes of a little-endian NIfTI-1 header for `grid` with voxels of `kind`.
-///
-/// # Errors
-/// Returns a short description if NIfTI-1 cannot represent the grid.
+/// Returns the 352 bytes of a little-endian NIfTI-1 header for `grid` with voxels of `kind`. Fails with a short description if
+/// NIfTI-1 cannot represent the grid.
 pub(crate) fn header(grid: &Grid, kind: VoxelKind) -> std::result::Result<Vec<u8>, String> {
     let mut h = vec![0u8; 352];
     let mut put = |offset: usize, bytes: &[u8]| h[offset..offset + bytes.len()].copy_from_slice(bytes);

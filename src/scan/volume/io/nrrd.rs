@@ -75,10 +75,7 @@ fn fields<'a>(path: &'a Path, head: &[u8]) -> Result<Fields<'a>> {
     Ok(Fields { path, map, end })
 }
 
-/// Reads the scan.
-///
-/// # Errors
-/// Returns status 3 if the header is invalid or the data does not match it, status 4 if cancelled.
+/// Reads the scan. Fails with status 3 if the header is invalid or the data does not match it, status 4 if cancelled.
 pub(crate) fn load(path: &Path, progress: &Progress) -> Result<Scanned> {
     let head = source::head(path, text::MAX_HEADER)?;
     let fields = fields(path, &head)?;

@@ -66,10 +66,8 @@ fn ends(f: &Fields, count: usize) -> Result<Vec<Ends>> {
     Ok(mins.into_iter().zip(maxs).zip(faces).map(one).collect())
 }
 
-/// Returns the grid of a header.
-///
-/// # Errors
-/// Returns status 3 if the header is invalid, or if its space does not tell where the patient's sides are.
+/// Returns the grid of a header. Fails with status 3 if the header is invalid, or if its space does not tell where the patient's
+/// sides are.
 pub(super) fn grid(f: &Fields, notes: &mut Vec<String>) -> Result<Grid> {
     let path = f.path;
     let value = f.need("dimension")?;

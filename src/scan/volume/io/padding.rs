@@ -4,8 +4,7 @@ use rayon::prelude::*;
 
 use crate::volume::{AIR_HU, Volume};
 
-/// HU at or below which a value is neither tissue nor gas nor noise: scanners pad with −2000, −2048, −3024 and the
-/// like.
+/// HU at or below which a value is neither tissue nor gas nor noise: scanners pad with −2000, −2048, −3024 and the like.
 const NO_TISSUE_HU: i16 = -1500;
 
 /// Replaces padding by air.

@@ -26,10 +26,7 @@ pub(crate) fn recognises(head: &[u8]) -> bool {
 pub(crate) type Rest<'a> = Vec<(&'a PathBuf, Result<Vec<u8>>)>;
 
 /// Checks that no slice is missing among the `files` of a folder, and returns notes on what else is passed over. A slice that is
-/// missing would move all above it.
-///
-/// # Errors
-/// Returns status 3 with the name of a slice that is damaged or missing.
+/// missing would move all above it. Fails with status 3 and the name of a slice that is damaged or missing.
 pub(crate) fn check_folder(folder: &Path, files: &[PathBuf], rest: Rest, mut passed: Passed) -> Result<Vec<String>> {
     let patterns: BTreeSet<String> = files.iter().map(|f| passed::pattern(f)).collect();
     for (file, head) in rest {
@@ -113,10 +110,8 @@ fn same_number(folder: &Path, a: &Path, b: &Path) -> Error {
     Error::file(b, why, "give each slice a number of its own")
 }
 
-/// Reads the slices, the most inferior first. Rows run to posterior, columns to the patient's left.
-///
-/// # Errors
-/// Returns status 3 if slices differ or are damaged, or if no spacing is given; status 4 if cancelled.
+/// Reads the slices, the most inferior first. Rows run to posterior, columns to the patient's left. Fails with status 3 if slices
+/// differ or are damaged, or if no spacing is given; status 4 if cancelled.
 pub(crate) fn load(input: &Path, files: &[PathBuf], options: &LoadOptions, progress: &Progress) -> Result<Scanned> {
     let spacing = options.spacing.ok_or_else(|| {
         Error::file(input, "is a folder of PNG slices, which carry no voxel spacing", "give it with --spacing X,Y,Z")

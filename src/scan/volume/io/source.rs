@@ -44,10 +44,8 @@ pub(crate) struct Section {
     pub packing: Packing,
 }
 
-/// Opens a regular file and returns it with its length in bytes.
-///
-/// # Errors
-/// Returns status 3 if the file is missing, a folder, a device, or not readable.
+/// Opens a regular file and returns it with its length in bytes. Fails with status 3 if the file is missing, a folder, a device, or
+/// not readable.
 pub(crate) fn open(path: &Path) -> Result<(File, u64)> {
     // Check before opening: opening a pipe without a writer would block forever.
     let meta = std::fs::metadata(path).map_err(|e| unreadable(path, e))?;
@@ -78,10 +76,8 @@ pub(crate) fn unreadable(path: &Path, e: io::Error) -> Error {
     Error::file(path, why, hint).caused_by(e)
 }
 
-/// Reads at most `limit` bytes from the start of a file, decompressed if it is gzip.
-///
-/// # Errors
-/// Same as [`open`]; also if gzip data is damaged.
+/// Reads at most `limit` bytes from the start of a file, decompressed if it is gzip. Fails as [`open`] does, and if gzip data is
+/// damaged.
 pub(crate) fn head(path: &Path, limit: u64) -> Result<Vec<u8>> {
     let (file, len) = open(path)?;
     let mut reader = BufReader::new(file);
@@ -104,10 +100,7 @@ pub(crate) fn is_gzip(path: &Path) -> Result<bool> {
     Ok(magic == [0x1f, 0x8b])
 }
 
-/// Rejects a volume of `count` `i16` voxels that does not fit in the system's available memory.
-///
-/// # Errors
-/// Returns status 3 with both sizes.
+/// Rejects a volume of `count` `i16` voxels that does not fit in the system's available memory. Fails with status 3 and both sizes.
 pub(crate) fn check_memory(path: &Path, count: usize) -> Result<()> {
     let needed = 2 * count as u64;
     let free = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| {
@@ -124,10 +117,7 @@ pub(crate) fn check_memory(path: &Path, count: usize) -> Result<()> {
     }
 }
 
-/// Reserves room in `values` for `extra` more values.
-///
-/// # Errors
-/// Returns status 3 if the memory cannot be allocated.
+/// Reserves room in `values` for `extra` more values. Fails with status 3 if the memory cannot be allocated.
 pub(crate) fn reserve(path: &Path, values: &mut Vec<i16>, extra: usize) -> Result<()> {
     values.try_reserve_exact(extra).map_err(|_| {
         Error::file(path, format!("needs {} bytes of memory", 2 * (values.len() + extra)), "crop or resample it first")
@@ -146,11 +136,9 @@ enum Size {
 impl Section {
     /// Reads `count` voxels and returns them counts those that are no whole numbers.
     ///
-    /// The header's `count` is checked against the file's size before anything of that size is allocated. The check is
-    /// exact for raw data and uses deflate's limit for packed data, where memory then grows with the data that arrives.
-    ///
-    /// # Errors
-    /// Returns status 3 if the data is damaged or shorter than declared, status 4 if cancelled.
+    /// The header's `count` is checked against the file's size before anything of that size is allocated. The check is exact for
+    /// raw data and uses deflate's limit for packed data, where memory then grows with the data that arrives. Fails with status 3
+    /// if the data is damaged or shorter than declared, status 4 if cancelled.
     pub(crate) fn read(&self, count: usize, encoding: &Encoding, progress: &Progress) -> Result<(Vec<i16>, Counts)> {
         let (mut file, len) = open(&self.path)?;
         let path = self.path.as_path();

@@ -25,10 +25,8 @@ pub(crate) fn bad(path: &Path, key: &str, value: &str, wanted: &str) -> Error {
     Error::file(path, format!("{key} is {value:?}, not {wanted}"), "correct the header")
 }
 
-/// Returns the data file that a header names. It must be in or below the header's folder.
-///
-/// # Errors
-/// Returns status 3 if the file is missing or elsewhere, by an absolute path, by `..` or behind a link.
+/// Returns the data file that a header names. It must be in or below the header's folder. Fails with status 3 if the file is
+/// missing or elsewhere, by an absolute path, by `..` or behind a link.
 pub(crate) fn data_file(header: &Path, name: &str) -> Result<PathBuf> {
     let outside = || {
         Error::file(
@@ -55,10 +53,7 @@ pub(crate) fn data_file(header: &Path, name: &str) -> Result<PathBuf> {
     }
 }
 
-/// Returns the number of voxels for `dims`.
-///
-/// # Errors
-/// Returns status 3 if a dimension is zero or the product cannot be addressed.
+/// Returns the number of voxels for `dims`. Fails with status 3 if a dimension is zero or the product cannot be addressed.
 pub(crate) fn voxel_count(path: &Path, dims: [usize; 3]) -> Result<usize> {
     if dims.contains(&0) {
         return Err(Error::file(path, format!("has no voxels (dims {dims:?})"), "correct the header"));

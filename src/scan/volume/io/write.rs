@@ -89,10 +89,8 @@ pub(super) fn format(path: &Path) -> Result<Format> {
         })
 }
 
-/// Writes voxels on a grid, each file atomically. The path's extension selects the format.
-///
-/// # Errors
-/// Returns status 2 for an unknown extension, status 4 if cancelled, status 5 if the file cannot be written.
+/// Writes voxels on a grid, each file atomically. The path's extension selects the format. Fails with status 2 for an unknown
+/// extension, status 4 if cancelled, status 5 if the file cannot be written.
 pub(crate) fn write(path: &Path, grid: &Grid, voxels: Voxels, progress: &Progress) -> Result<()> {
     let format = format(path)?;
     let kind = voxels.kind();

@@ -44,10 +44,8 @@ impl Codec {
     }
 }
 
-/// Returns the compressed bytes of one frame. A frame may be in several fragments.
-///
-/// # Errors
-/// Returns status 3 if the fragments cannot be told apart by frames.
+/// Returns the compressed bytes of one frame. A frame may be in several fragments. Fails with status 3 if the fragments cannot be
+/// told apart by frames.
 pub(super) fn frame_of<'a>(file: &FileHead, codec: Codec, parts: &[&'a [u8]], frame: u32) -> Result<Cow<'a, [u8]>> {
     let (frames, frame) = (file.frames as usize, frame as usize);
     match parts {
@@ -75,10 +73,7 @@ pub(super) struct Unpacked {
     pub layout: Layout,
 }
 
-/// Decompresses one frame.
-///
-/// # Errors
-/// Returns status 3 if it is damaged, or not of the header's size.
+/// Decompresses one frame. Fails with status 3 if it is damaged, or not of the header's size.
 pub(super) fn unpack(file: &FileHead, codec: Codec, packed: &[u8]) -> Result<Unpacked> {
     let path = file.path.as_path();
     let damaged = |why: String| Error::file(path, format!("its pixel data {why}"), "copy or export it again");

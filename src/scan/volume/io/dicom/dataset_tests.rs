@@ -23,8 +23,7 @@ fn a_length_beyond_the_file_is_short_and_allocates_nothing() {
 
 #[test]
 fn nested_sequences_of_both_lengths() {
-    // SQ (0008,1140) of undefined length with an item of undefined length that holds a value and another SQ of
-    // defined length.
+    // SQ (0008,1140) of undefined length with an item of undefined length that holds a value and another SQ of defined length.
     let mut body = b"\x08\0\x40\x11SQ\0\0\xff\xff\xff\xff\xfe\xff\x00\xe0\xff\xff\xff\xff".to_vec();
     body.extend(b"\x28\0\x10\0US\x02\0\x07\0");
     body.extend(b"\x08\0\x41\x11SQ\0\0\x10\0\0\0\xfe\xff\x00\xe0\x08\0\0\0\x10\0\x10\0LO\0\0");

@@ -5,10 +5,8 @@ use super::recover::EXPLICIT;
 
 /// Returns the fragments of encapsulated pixel data, without the preceding offset table.
 ///
-/// The delimiter after the last fragment may be missing, or zeros in its place, if the fragments are whole.
-///
-/// # Errors
-/// Returns [`Fault::Short`] if the data ends inside a fragment.
+/// The delimiter after the last fragment may be missing, or zeros in its place, if the fragments are whole. Returns
+/// [`Fault::Short`] if the data ends inside a fragment.
 pub(crate) fn fragments(bytes: &[u8], offset: usize) -> Result<Vec<&[u8]>, Fault> {
     let mut walk = Walk::new(bytes, offset, EXPLICIT);
     let mut out = Vec::new();

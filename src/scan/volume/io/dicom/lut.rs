@@ -27,10 +27,8 @@ pub(super) fn units(root: &Item) -> Option<Units> {
 impl Lut {
     /// Reads the table of a data set whose stored values are `signed` or not.
     ///
-    /// Entries of 16 bits are taken as signed. The standard has none below zero, but HU have, and writers store them so.
-    ///
-    /// # Errors
-    /// Returns a short description if the table is missing, or shorter than it declares.
+    /// Entries of 16 bits are taken as signed. The standard has none below zero, but HU have, and writers store them so. Fails with
+    /// a short description if the table is missing, or shorter than it declares.
     pub(super) fn of(root: &Item, signed: bool) -> Result<Self, String> {
         let item = root.items(SEQUENCE).first().ok_or("has no Modality LUT")?;
         let descriptor = item.shorts(DESCRIPTOR).unwrap_or_default();

@@ -55,10 +55,8 @@ pub(crate) struct Read {
     pub units: Units,
 }
 
-/// Reads the chosen series from `files` of `input`. It must be of the modality `wanted`.
-///
-/// # Errors
-/// Returns status 3 if no series can be chosen, or if it is incomplete or unreadable; status 4 if cancelled.
+/// Reads the chosen series from `files` of `input`. It must be of the modality `wanted`. Fails with status 3 if no series can be
+/// chosen, or if it is incomplete or unreadable; status 4 if cancelled.
 pub(crate) fn load(
     input: &Path,
     files: &[PathBuf],
@@ -109,10 +107,8 @@ fn units_of(slices: &[Slice]) -> Units {
     other.or_else(|| slices.iter().find(doubtful)).map_or(Units::Hu, |s| s.units.clone())
 }
 
-/// Returns the study in `files` of `input`, with pictures of at most `side` pixels a side.
-///
-/// # Errors
-/// Returns status 3 if no file can be read, status 4 if cancelled. A series that cannot be decoded has no picture.
+/// Returns the study in `files` of `input`, with pictures of at most `side` pixels a side. Fails with status 3 if no file can be
+/// read, status 4 if cancelled. A series that cannot be decoded has no picture.
 pub(crate) fn study(input: &Path, files: &[PathBuf], side: usize, progress: &Progress) -> Result<Study> {
     let groups = groups(input, files, &mut Vec::new(), progress)?;
     progress.stage("making pictures", groups.slices.len() as u64);
@@ -126,11 +122,9 @@ pub(crate) fn study(input: &Path, files: &[PathBuf], side: usize, progress: &Pro
     Ok(Study { series: groups.list, pictures, usual })
 }
 
-/// Reads the headers of `files` and groups the slices by series. Files whose series cannot be determined are left out, with a
-/// note, if there are several series that they can belong to.
-///
-/// # Errors
-/// Returns status 3 if there is no image, or for the first file that cannot be read; status 4 if cancelled.
+/// Reads the headers of `files` and groups the slices by series. Files whose series cannot be determined are left out, with a note,
+/// if there are several series that they can belong to. Fails with status 3 if there is no image, or for the first file that cannot
+/// be read; status 4 if cancelled.
 fn groups(input: &Path, files: &[PathBuf], notes: &mut Vec<String>, progress: &Progress) -> Result<Groups> {
     progress.stage("reading headers", files.len() as u64);
     let read: Vec<Result<Vec<Slice>>> = files

@@ -15,10 +15,7 @@ const MOST_BYTES: u64 = 1 << 28;
 const WINDOW: (f32, f32) = (0.0, 2000.0);
 
 /// Decodes a slice and shrinks it to at most `side` pixels a side. Its pixels are square. A slice of CT is shown by its HU, any
-/// other from its least to its largest value.
-///
-/// # Errors
-/// Returns status 3 if the slice is too large or damaged, status 4 if cancelled.
+/// other from its least to its largest value. Fails with status 3 if the slice is too large or damaged, status 4 if cancelled.
 pub(crate) fn picture(slice: &Slice, side: usize, progress: &Progress) -> Result<Picture> {
     let file = &slice.file;
     let (cols, rows) = (usize::from(file.cols), usize::from(file.rows));

@@ -43,10 +43,7 @@ fn codec(path: &Path, syntax: &str) -> Result<Codec> {
     ))
 }
 
-/// Rejects transfer syntaxes without a decoder, before any memory is allocated.
-///
-/// # Errors
-/// Returns status 3 with the transfer syntax.
+/// Rejects transfer syntaxes without a decoder, before any memory is allocated. Fails with status 3 and the transfer syntax.
 pub(crate) fn check_syntax(file: &FileHead) -> Result<()> {
     match codec(&file.path, &file.syntax)? {
         Codec::Native(_) => Ok(()),
@@ -55,10 +52,8 @@ pub(crate) fn check_syntax(file: &FileHead) -> Result<()> {
     }
 }
 
-/// Rejects a compressed file that is too small for its declared size, before that memory is allocated.
-///
-/// # Errors
-/// Returns status 3 with both sizes.
+/// Rejects a compressed file that is too small for its declared size, before that memory is allocated. Fails with status 3 and
+/// both sizes.
 pub(crate) fn check_expansion(file: &FileHead) -> Result<()> {
     let (_, len) = source::open(&file.path)?;
     let frame = u64::from(file.rows) * u64::from(file.cols) * u64::from(file.bits.allocated / 8);
@@ -73,10 +68,8 @@ pub(crate) fn check_expansion(file: &FileHead) -> Result<()> {
 /// A slice and the destination of its HU.
 type Target<'a> = (&'a Slice, &'a mut [i16]);
 
-/// Decodes `slices` in order into `out` and counts the voxels of padding.
-///
-/// # Errors
-/// Returns status 3 if pixel data is damaged, status 4 if cancelled. If several slices are damaged, the first is named.
+/// Decodes `slices` in order into `out` and counts the voxels of padding. Fails with status 3 if pixel data is damaged, status 4 if
+/// cancelled. If several slices are damaged, the first is named.
 pub(crate) fn decode(slices: &[Slice], out: &mut [i16], progress: &Progress) -> Result<Padded> {
     let first = &slices[0].file;
     let voxels = usize::from(first.rows) * usize::from(first.cols);

@@ -3,10 +3,8 @@
 /// Size of the header, bytes: the number of segments, then the offset of each of at most 15.
 const HEADER: usize = 64;
 
-/// Unpacks a frame of `voxels` samples of one or two bytes to little-endian.
-///
-/// # Errors
-/// Returns a short description if the packed bytes are invalid.
+/// Unpacks a frame of `voxels` samples of one or two bytes to little-endian. Fails with a short description if the packed bytes are
+/// invalid.
 pub(crate) fn unpack(packed: &[u8], voxels: usize, sample: usize) -> Result<Vec<u8>, String> {
     let word = |k: usize| {
         let bytes: Option<[u8; 4]> = packed.get(4 * k..4 * k + 4).and_then(|b| b.try_into().ok());
@@ -26,8 +24,7 @@ pub(crate) fn unpack(packed: &[u8], voxels: usize, sample: usize) -> Result<Vec<
     Ok(out)
 }
 
-/// Expands PackBits: a length byte n, then n + 1 literal bytes, or (n < 0) one byte repeated 1 − n times; −128 is a
-/// no-op.
+/// Expands PackBits: a length byte n, then n + 1 literal bytes, or (n < 0) one byte repeated 1 − n times; −128 is a no-op.
 fn expand<'a>(packed: &[u8], mut out: impl ExactSizeIterator<Item = &'a mut u8>) -> Result<(), String> {
     let mut packed = packed.iter();
     while out.len() > 0 {

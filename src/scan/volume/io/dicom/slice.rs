@@ -133,10 +133,7 @@ pub(crate) struct Slice {
 }
 
 /// Reads the slices of a file. A slice with a `fault` stands for an unusable one, and for a file without an image, unless that is
-/// the index of a medium (a DICOMDIR).
-///
-/// # Errors
-/// Returns status 3 if not even the series can be determined.
+/// the index of a medium (a DICOMDIR). Fails with status 3 if not even the series can be determined.
 pub(crate) fn read(path: &Path) -> Result<Vec<Slice>> {
     match parsed(path)? {
         Ok((set, room)) => Ok(slices(path, &set, room)),
@@ -149,10 +146,8 @@ pub(crate) fn read(path: &Path) -> Result<Vec<Slice>> {
     }
 }
 
-/// Reads the header of a file, up to its pixel data, and the number of bytes that the place of the pixel data is counted in.
-///
-/// # Errors
-/// Returns status 3 if it cannot be read.
+/// Reads the header of a file, up to its pixel data, and the number of bytes that the place of the pixel data is counted in. Fails
+/// with status 3 if it cannot be read.
 pub(crate) fn header(path: &Path) -> Result<(DataSet, u64)> {
     parsed(path)?.map_err(|(_, fault)| fault)
 }
@@ -239,8 +234,7 @@ fn base(file: FileHead, root: &Item, image: bool) -> Slice {
 }
 
 impl Slice {
-    /// Returns one frame. Its own attributes override those shared by all frames, which override those of the top-level
-    /// data set.
+    /// Returns one frame. Its own attributes override those shared by all frames, which override those of the top-level data set.
     fn frame(&self, path: &Path, root: &Item, frame: u32) -> Result<Self> {
         let mut slice = Self { frame, ..self.clone() };
         slice.fill(path, root)?;

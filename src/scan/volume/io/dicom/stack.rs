@@ -45,11 +45,8 @@ pub(crate) struct Stack {
     pub notes: Vec<String>,
 }
 
-/// Sorts slices of one pass and finds their grid.
-///
-/// # Errors
-/// Returns status 3 if slices disagree in size, orientation or spacing, have no position, or lie as those of several passes; status
-/// 4 if cancelled.
+/// Sorts slices of one pass and finds their grid. Fails with status 3 if slices disagree in size, orientation or spacing, have no
+/// position, or lie as those of several passes; status 4 if cancelled.
 pub(crate) fn stack(input: &Path, mut slices: Vec<Slice>, progress: &Progress) -> Result<Stack> {
     let mut notes = Vec::new();
     agree(&slices)?;

@@ -64,10 +64,8 @@ impl Groups {
         self.list.iter().filter(|s| s.slices > 0).count()
     }
 
-    /// Chooses the series `asked` for, or the only one, or the usual one. Adds a note if there were others.
-    ///
-    /// # Errors
-    /// Returns status 3 with the list as choices if there is no such series, or if `--series` must choose.
+    /// Chooses the series `asked` for, or the only one, or the usual one. Adds a note if there were others. Fails with status 3
+    /// and the list as choices if there is no such series, or if `--series` must choose.
     pub(crate) fn choose(
         &self,
         input: &Path,
@@ -112,10 +110,7 @@ impl Groups {
         })
     }
 
-    /// Refuses a series that is no volume of CT, where another could be meant.
-    ///
-    /// # Errors
-    /// Returns status 3 with the reason.
+    /// Refuses a series that is no volume of CT, where another could be meant. Fails with status 3 and the reason.
     pub(crate) fn check(&self, input: &Path, chosen: usize, wanted: Modality) -> Result<()> {
         let s = &self.list[chosen];
         let faulty = self.slices[chosen].iter().any(|s| s.fault.is_some());
