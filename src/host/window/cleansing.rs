@@ -9,13 +9,11 @@ use bevy_ecs::prelude::Entity;
 use glam::DVec3;
 use serde::Serialize;
 
-use rayon::{ThreadPool, ThreadPoolBuilder};
-
-use super::job::{Job, WakeUp};
+use super::background::{Background, BackgroundTask};
 use crate::app::{FlightApp, Setup};
 use crate::components::output::Picture;
 use crate::components::scan::Scan;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::fields::Lumen;
 use crate::fields::cleanse::{self, Changes, Cleansed};
 use crate::progress::Progress;
@@ -30,11 +28,10 @@ const BEYOND_MM: f64 = 12.0;
 /// What a window knows of the scan without tag.
 pub(crate) struct Cleansing {
     stage: Stage,
+    task: BackgroundTask<Found>,
     /// True if the scan is shown without tag as soon as that is known.
     is_wanted: bool,
     took: Option<Took>,
-    /// Threads of its own, while it works: in the common pool pictures would wait for it.
-    pool: Option<ThreadPool>,
 }
 
 /// What finding the scan without tag took, for the statistics.
@@ -53,7 +50,7 @@ pub struct Took {
 enum Stage {
     /// The first picture comes first.
     Waiting,
-    Working(Job<Found>, Instant),
+    Working,
     /// Both scans are at hand: the one that is flown through, and this one.
     Both(Entity),
     /// There is only one, and why.
@@ -79,8 +76,8 @@ struct Found {
 }
 
 impl Cleansing {
-    pub(crate) fn new() -> Self {
-        Self { stage: Stage::Waiting, is_wanted: true, took: None, pool: None }
+    pub(crate) fn new(now: Instant) -> Self {
+        Self { stage: Stage::Waiting, task: BackgroundTask::new(now), is_wanted: true, took: None }
     }
 
     /// Leaves the work out, for a reason that tells why there is one scan only.
@@ -88,11 +85,11 @@ impl Cleansing {
         self.stage = Stage::One(why);
     }
 
-    /// Starts the work unless it has been started. `wake` is called from another thread when it is done.
+    /// Starts the work unless it has been started.
     ///
     /// # Errors
     /// Returns status 1 if the system cannot start threads.
-    pub(crate) fn begin(&mut self, flight: &FlightApp, wake: &WakeUp) -> Result<()> {
+    pub(crate) fn begin(&mut self, flight: &FlightApp, background: &Background, now: Instant) -> Result<()> {
         if !matches!(self.stage, Stage::Waiting) {
             return Ok(());
         }
@@ -109,11 +106,6 @@ impl Cleansing {
             return Ok(());
         }
         self.stage = Stage::One("it failed");
-        let pool = ThreadPoolBuilder::new()
-            .num_threads(rayon::current_num_threads())
-            .thread_name(|n| format!("cleansing {n}"));
-        let pool =
-            pool.build().map_err(|e| Error::fault("threads", e.to_string(), "use fewer --threads").caused_by(e))?;
         let (volume, lumen, known) = (volume.clone(), Arc::clone(lumen), cleansed.clone());
         let light = scene.image.settings.light;
         let work = move |progress: &Arc<Progress>| {
@@ -130,10 +122,8 @@ impl Cleansing {
             });
             Ok(Found { other, cleansed })
         };
-        let wake = Arc::clone(wake);
-        let job = Job::start_in(&pool, "cleansing", &Arc::new(Progress::new()), work, move || wake());
-        self.stage = Stage::Working(job, Instant::now());
-        self.pool = Some(pool);
+        self.task.go_over(Ok(background.start_apart("cleansing", work)?), now);
+        self.stage = Stage::Working;
         Ok(())
     }
 
@@ -141,20 +131,17 @@ impl Cleansing {
     ///
     /// # Errors
     /// Returns the error of the work, or status 1 if it panicked.
-    pub(crate) fn take(&mut self, flight: &mut FlightApp) -> Result<Option<String>> {
-        let Stage::Working(job, begun) = &mut self.stage else { return Ok(None) };
-        let Some(found) = job.take() else { return Ok(None) };
-        let begun = *begun;
-        self.pool = None;
+    pub(crate) fn take(&mut self, flight: &mut FlightApp, now: Instant) -> Result<Option<String>> {
+        let Some(found) = self.task.take(now) else { return Ok(None) };
         self.stage = Stage::One("it failed");
-        let Found { other, cleansed } = found?;
+        let (Found { other, cleansed }, seconds) = found?;
         let Some(other) = other else {
             self.stage = Stage::One(NO_TAG);
             return Ok(Some(String::new()));
         };
         self.took = Some(Took {
             text: cleansed.to_string(),
-            seconds: begun.elapsed().as_secs_f64(),
+            seconds,
             changed_bytes: cleansed.changes.bytes(),
             box_bytes: other.voxels().bytes() + other.bytes(),
         });
@@ -171,7 +158,7 @@ impl Cleansing {
 
     /// True if the work has not ended.
     pub(crate) fn is_under_way(&self) -> bool {
-        matches!(self.stage, Stage::Waiting | Stage::Working(..))
+        matches!(self.stage, Stage::Waiting | Stage::Working)
     }
 
     /// Returns what is known of the tag in the scan that is flown through.
@@ -192,7 +179,7 @@ impl Cleansing {
     pub(crate) fn may_switch(&self) -> std::result::Result<(), &'static str> {
         match self.stage {
             Stage::Both(_) => Ok(()),
-            Stage::Waiting | Stage::Working(..) => Err("the scan without tag is being found"),
+            Stage::Waiting | Stage::Working => Err("the scan without tag is being found"),
             Stage::One(why) => Err(why),
         }
     }
@@ -302,7 +289,7 @@ mod tests {
 
     fn until_known(c: &mut FlightController, now: Instant) {
         let begun = Instant::now();
-        while c.cleansing().is_waiting() || matches!(c.cleansing().stage, Stage::Working(..)) {
+        while c.cleansing().is_waiting() || matches!(c.cleansing().stage, Stage::Working) {
             assert!(begun.elapsed() < Duration::from_secs(60));
             c.advance(now).unwrap();
             thread::sleep(Duration::from_millis(1));

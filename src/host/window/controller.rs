@@ -14,7 +14,6 @@ mod telling;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::rc::Rc;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bevy_ecs::change_detection::Mut;
@@ -22,12 +21,12 @@ use glam::DVec3;
 
 use super::actions::{Action, ActionContext, Actions, Effect};
 use super::assistant::Assistant;
+use super::background::{Background, BackgroundTask};
 use super::cleansing::Cleansing;
 use super::directions::Directions;
-use super::field_job::FieldJob;
+use super::field_job;
 use super::figures::Figures;
 use super::framebuffer::{Framebuffer, PresentResult};
-use super::job::WakeUp;
 use super::keys::HeldKeys;
 use super::kinds::Kinds;
 use super::measures::Measures;
@@ -41,7 +40,7 @@ use super::slices::Slices;
 use super::style::{Severity, angle};
 use super::travel::Travel;
 use super::view_renderer::{Due, ViewRenderer};
-use crate::app::{FlightApp, Overlay};
+use crate::app::{Fields, FlightApp, Overlay};
 use crate::components::camera::{Pose, Velocity};
 use crate::components::clock::Accumulator;
 use crate::components::flight::State;
@@ -103,7 +102,7 @@ pub(crate) struct FlightController {
     /// Errors that have been printed.
     reported: BTreeSet<String>,
     /// Fields that are being built for a guide before it takes over.
-    planning: Option<FieldJob>,
+    planning: BackgroundTask<(&'static str, Fields)>,
     /// The scan without tag, beside the one as it is.
     cleansing: Cleansing,
     /// Looks for polyps, once it was asked for.
@@ -126,7 +125,7 @@ pub(crate) struct FlightController {
     history: History,
     /// True once anything of the flight was shown.
     has_shown: bool,
-    wake: WakeUp,
+    background: Background,
     /// The guide that resumes when the operator releases control.
     last_guide: &'static str,
     overlays: Overlays,
@@ -164,14 +163,19 @@ struct Moved {
 impl FlightController {
     /// Creates the controller of `flight`.
     ///
-    /// The numbers of overlays in `actions` are their indices in `overlays`. `wake` is called from another thread when an image
+    /// The numbers of overlays in `actions` are their indices in `overlays`. `background` wakes the window when an image
     /// is ready to be saved, or the scan without tag was found.
     ///
     /// # Errors
     /// Returns status 1 if the system cannot start threads.
-    pub(crate) fn new(flight: FlightApp, wake: WakeUp, overlays: Vec<Overlay>, actions: Rc<Actions>) -> Result<Self> {
+    pub(crate) fn new(
+        flight: FlightApp,
+        background: Background,
+        overlays: Vec<Overlay>,
+        actions: Rc<Actions>,
+    ) -> Result<Self> {
         let now = Instant::now();
-        let view_renderer = ViewRenderer::new(Arc::clone(&wake))?;
+        let view_renderer = ViewRenderer::new(background.wake())?;
         let scene = &flight.setup().scene;
         let automatic = scene.guide().into_iter().chain(scene.guides.iter()).find(|g| g.automatic);
         let last_guide = automatic.map_or("", |g| g.name);
@@ -196,8 +200,8 @@ impl FlightController {
             place: Place::new(now),
             message: thick,
             reported: BTreeSet::new(),
-            planning: None,
-            cleansing: Cleansing::new(),
+            planning: BackgroundTask::new(now),
+            cleansing: Cleansing::new(now),
             assistant: None,
             detector: detectors::BUILT_IN[0],
             answers_file: None,
@@ -208,7 +212,7 @@ impl FlightController {
             looking: Looking::default(),
             history: History::default(),
             has_shown: false,
-            wake,
+            background,
             last_guide,
             overlays: Overlays::new(overlays),
             actions,
@@ -323,7 +327,7 @@ impl FlightController {
         let message = self.message.as_ref().map(|m| m.1);
         let attention = self.attention.then_some(self.start);
         let finer = self.view_renderer.is_refining(&self.flight).then_some(self.start);
-        let planned = self.planning.is_some().then_some(self.start);
+        let planned = self.planning.next();
         let uncleansed =
             (self.cleansing.is_waiting() && self.has_shown && self.unflown.is_none()).then_some(self.start);
         let searched = self.assistant.as_ref().and_then(|a| a.next());
@@ -545,11 +549,17 @@ impl FlightController {
 
     /// Switches to a guide. The fields that it needs are built in the background while the flight continues.
     fn hand_over(&mut self, guide: &'static str, now: Instant) {
-        self.planning = None;
-        let begun = self.flight.setup().scene.guides.named(guide).and_then(|g| FieldJob::begin(&self.flight, g));
+        self.planning.stop();
+        let begun = self
+            .flight
+            .setup()
+            .scene
+            .guides
+            .named(guide)
+            .and_then(|g| field_job::begin(&self.flight, g, &self.background));
         match begun {
             Some(Ok(planning)) => {
-                self.planning = Some(planning);
+                self.planning.go_over(Ok(planning), now);
                 self.say(format!("preparing the guide {guide} ..."), now);
             }
             Some(Err(e)) => self.say(e.to_string(), now),
@@ -574,25 +584,24 @@ impl FlightController {
 
     /// Adopts the fields built for a guide, once they are complete.
     fn take_planned(&mut self, now: Instant) {
-        let Some((guide, built)) = self.planning.as_mut().and_then(FieldJob::take) else { return };
-        self.planning = None;
-        match built {
-            Ok(fields) => {
+        match self.planning.take(now) {
+            None => {}
+            Some(Ok(((guide, fields), _))) => {
                 self.flight.adopt(fields);
                 self.change_guide(guide, now);
             }
-            Err(e) => self.say(format!("{}: {}", e.what, e.why), now),
+            Some(Err(e)) => self.say(format!("{}: {}", e.what, e.why), now),
         }
     }
 
     /// Starts to look for the scan without tag once there is a picture, and adopts it once it is found.
     fn take_cleansed(&mut self, now: Instant) {
         let begun = if self.has_shown && self.unflown.is_none() {
-            self.cleansing.begin(&self.flight, &self.wake)
+            self.cleansing.begin(&self.flight, &self.background, now)
         } else {
             Ok(())
         };
-        match begun.and_then(|()| self.cleansing.take(&mut self.flight)) {
+        match begun.and_then(|()| self.cleansing.take(&mut self.flight, now)) {
             Ok(Some(what)) => {
                 if !what.is_empty() {
                     output::to_stderr(format_args!("note: {what}"));
@@ -814,7 +823,7 @@ impl FlightController {
         let along = share * length;
         // The first picture comes first, and the tag is taken out of a volume that nothing else holds.
         if self.has_shown && self.unflown.is_none() && !self.cleansing.is_waiting() {
-            self.place.update(&self.flight, &self.wake, now);
+            self.place.update(&self.flight, &self.background, now);
         }
         let (marks_drawn, fault) = self.overlays.draw(&self.flight, self.scale);
         if let Some(e) = fault {

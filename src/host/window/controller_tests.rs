@@ -85,7 +85,7 @@ fn cockpit_with(
 ) -> FlightController {
     flight.stands_at(along_mm);
     let actions = Actions::new(&flight.setup().scene.guides, &overlays, BUILT_IN, settings).unwrap();
-    FlightController::new(flight, Arc::new(|| {}), overlays, Rc::new(actions)).unwrap()
+    FlightController::new(flight, Background::new(Arc::new(|| {})), overlays, Rc::new(actions)).unwrap()
 }
 
 /// Performs the action with that name.
@@ -700,14 +700,14 @@ fn the_guide_that_was_chosen_last_steers() {
     let (mut c, mut now) = (controller("tentacles"), Instant::now());
     let guide = |c: &FlightController| c.flight().setup().scene.guide_name();
     c.hand_over("path", now);
-    assert!(c.planning.is_some() && c.hud(now).message.is_some_and(|m| m.contains("preparing the guide path")));
+    assert!(c.planning.is_working() && c.hud(now).message.is_some_and(|m| m.contains("preparing the guide path")));
     c.hand_over("manual", now);
     // What is prepared for the first one is of no use any more.
-    assert!(c.planning.is_none());
+    assert!(!c.planning.is_working());
     fly(&mut c, &mut now, 3);
     assert_eq!(guide(&c), "manual");
     c.hand_over("path", now);
-    while c.planning.is_some() {
+    while c.planning.is_working() {
         std::thread::sleep(Duration::from_millis(1));
         fly(&mut c, &mut now, 1);
     }

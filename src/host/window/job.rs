@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::thread;
 
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use rayon::ThreadPool;
 
 use crate::error::{Error, Result};
 use crate::panics;
@@ -37,23 +37,6 @@ impl<T: Send + 'static> Job<T> {
         let thread = thread::Builder::new().name(name.to_owned()).spawn(run);
         thread.map_err(|e| Error::fault(name, e.to_string(), "close other programs").caused_by(e))?;
         Ok(job)
-    }
-
-    /// Same as [`Job::start`], with threads of its own for the parallel parts of the work: in the common pool pictures would wait for
-    /// them.
-    ///
-    /// # Errors
-    /// Returns status 1 if the system cannot start threads.
-    pub(crate) fn start_apart(
-        name: &'static str,
-        progress: &Arc<Progress>,
-        work: impl FnOnce(&Arc<Progress>) -> Result<T> + Send + 'static,
-        wake: impl FnOnce() + Send + 'static,
-    ) -> Result<Self> {
-        let pool = ThreadPoolBuilder::new().num_threads(rayon::current_num_threads());
-        let pool = pool.thread_name(move |n| format!("{name} {n}")).build();
-        let pool = pool.map_err(|e| Error::fault("threads", e.to_string(), "use fewer --threads").caused_by(e))?;
-        Self::start(name, progress, move |progress| pool.install(|| work(progress)), wake)
     }
 
     /// Same as [`Job::start`], in a thread pool.
@@ -132,6 +115,7 @@ impl<T> Drop for Job<T> {
 
 #[cfg(test)]
 mod tests {
+    use rayon::ThreadPoolBuilder;
     use std::sync::mpsc::{Receiver, channel};
     use std::time::Duration;
 

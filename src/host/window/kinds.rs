@@ -4,25 +4,23 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use glam::DVec3;
-use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use super::job::{Job, WakeUp};
+use super::background::{Background, BackgroundTask};
+use super::job::Job;
 use super::told;
 use crate::app::Fields;
 use crate::app::flight::onward;
 use crate::app::{FlightApp, Setup};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::fields::cleanse;
 use crate::fields::lumen::{self, GasBody, GasKind, KindMap, Lumen, Told};
 use crate::progress::Progress;
 use crate::render::slice::Tint;
 use crate::volume::Volume;
 
-/// Time between two looks at the progress.
-const LOOKS: Duration = Duration::from_millis(200);
 /// Distance from a body at which a click is meant for it, mm.
 const NEAR_MM: f64 = 3.0;
 /// Maximum number of changes that can be undone.
@@ -62,14 +60,6 @@ pub(crate) fn name(kind: GasKind) -> &'static str {
     if kind == GasKind::Unknown { "may be colon" } else { kind.name() }
 }
 
-enum Stage {
-    Idle,
-    /// The work, and its threads: in the common pool pictures would wait for it.
-    Working(Job<Found>, #[expect(dead_code, reason = "it is kept while it works")] ThreadPool),
-    /// It failed, and why.
-    Failed(String),
-}
-
 /// What was found.
 pub(crate) struct Found {
     map: Arc<KindMap>,
@@ -82,7 +72,7 @@ pub(crate) struct Found {
 /// The kinds of gas in a window.
 pub(crate) struct Kinds {
     is_shown: bool,
-    stage: Stage,
+    task: BackgroundTask<Found>,
     map: Option<Arc<KindMap>>,
     tint: Option<Arc<Tint>>,
     /// The place of the body that was clicked on, world mm.
@@ -95,8 +85,6 @@ pub(crate) struct Kinds {
     file: Option<PathBuf>,
     /// True if it is not stored for the time being.
     is_held: bool,
-    /// When the progress was looked at.
-    looked: Instant,
 }
 
 impl Kinds {
@@ -104,7 +92,7 @@ impl Kinds {
     pub(crate) fn new(told: Vec<Told>, now: Instant) -> Self {
         Self {
             is_shown: false,
-            stage: Stage::Idle,
+            task: BackgroundTask::new(now),
             map: None,
             tint: None,
             chosen: None,
@@ -113,7 +101,6 @@ impl Kinds {
             made: 0,
             file: None,
             is_held: false,
-            looked: now,
         }
     }
 
@@ -133,52 +120,35 @@ impl Kinds {
     }
 
     /// Shows or hides them. What is needed is found in the background.
-    pub(crate) fn show(&mut self, shown: bool, flight: &FlightApp, wake: &WakeUp, now: Instant) {
+    pub(crate) fn show(&mut self, shown: bool, flight: &FlightApp, background: &Background, now: Instant) {
         self.is_shown = shown;
-        if shown && self.map.is_none() && !matches!(self.stage, Stage::Working(..)) {
-            self.begin(flight, wake, now);
+        if shown && self.map.is_none() && !self.task.is_working() {
+            self.begin(flight, background, now);
         }
     }
 
     /// Finds the kinds, and first the lumen if the reader has said something new.
-    fn begin(&mut self, flight: &FlightApp, wake: &WakeUp, now: Instant) {
-        self.looked = now;
-        // The former work is cancelled.
-        self.stage = Stage::Idle;
-        self.stage = begin(flight, &self.told, wake).unwrap_or_else(|e| Stage::Failed(e.to_string()));
+    fn begin(&mut self, flight: &FlightApp, background: &Background, now: Instant) {
+        self.task.go_over(begin(flight, &self.told, background), now);
     }
 
     /// Takes what was found once it is there.
     pub(crate) fn take(&mut self, now: Instant) -> Option<Found> {
-        let Stage::Working(job, _) = &mut self.stage else { return None };
-        self.looked = now;
-        let found = job.take()?;
-        self.stage = Stage::Idle;
-        match found {
-            Ok(found) => {
-                self.map = Some(Arc::clone(&found.map));
-                self.colour();
-                Some(found)
-            }
-            Err(e) => {
-                self.stage = Stage::Failed(e.to_string());
-                None
-            }
-        }
+        let (found, _) = self.task.take(now)?.ok()?;
+        self.map = Some(Arc::clone(&found.map));
+        self.colour();
+        Some(found)
     }
 
     /// Returns when the progress has to be looked at.
     pub(crate) fn next(&self) -> Option<Instant> {
-        matches!(self.stage, Stage::Working(..)).then_some(self.looked + LOOKS)
+        self.task.next()
     }
 
     /// Returns what is being done, or why it failed; `None` if nothing is.
     pub(crate) fn state(&self) -> Option<std::result::Result<String, &str>> {
-        match &self.stage {
-            Stage::Idle => None,
-            Stage::Working(job, _) => Some(Ok(job.progress().snapshot().0)),
-            Stage::Failed(why) => Some(Err(why)),
-        }
+        let working = self.task.progress().map(|p| Ok(p.snapshot().0));
+        working.or(self.task.failed().map(Err))
     }
 
     /// Returns the colours, if they are shown and known.
@@ -238,7 +208,13 @@ impl Kinds {
     ///
     /// # Errors
     /// Returns status 5 if it cannot be stored. The change is made nevertheless.
-    pub(crate) fn tell(&mut self, kind: Option<GasKind>, at: &FlightApp, wake: &WakeUp, now: Instant) -> Result<bool> {
+    pub(crate) fn tell(
+        &mut self,
+        kind: Option<GasKind>,
+        at: &FlightApp,
+        background: &Background,
+        now: Instant,
+    ) -> Result<bool> {
         let (Some(map), Some(place), Some((chosen, _))) = (self.map.clone(), self.chosen, self.chosen_body()) else {
             return Ok(false);
         };
@@ -252,7 +228,7 @@ impl Kinds {
         self.made += 1;
         self.before.push(std::mem::replace(&mut self.told, told));
         self.before.drain(..self.before.len().saturating_sub(UNDONE));
-        self.begin(at, wake, now);
+        self.begin(at, background, now);
         self.keep().map(|()| true)
     }
 
@@ -270,10 +246,10 @@ impl Kinds {
     ///
     /// # Errors
     /// Returns status 5 if it cannot be stored. The change is undone nevertheless.
-    pub(crate) fn undo(&mut self, flight: &FlightApp, wake: &WakeUp, now: Instant) -> Result<()> {
+    pub(crate) fn undo(&mut self, flight: &FlightApp, background: &Background, now: Instant) -> Result<()> {
         let Some(before) = self.before.pop() else { return Ok(()) };
         self.told = before;
-        self.begin(flight, wake, now);
+        self.begin(flight, background, now);
         self.keep()
     }
 
@@ -302,13 +278,11 @@ pub(crate) fn line(body: &GasBody) -> String {
     format!("{}, {:.0} ml: {}", name(body.kind), body.ml, body.why)
 }
 
-/// Begins the work on threads of its own.
+/// Begins the work.
 ///
 /// # Errors
 /// Returns status 1 if the system cannot start threads.
-fn begin(flight: &FlightApp, told: &[Told], wake: &WakeUp) -> Result<Stage> {
-    let pool = ThreadPoolBuilder::new().num_threads(rayon::current_num_threads()).thread_name(|n| format!("kinds {n}"));
-    let pool = pool.build().map_err(|e| Error::fault("threads", e.to_string(), "use fewer --threads").caused_by(e))?;
+fn begin(flight: &FlightApp, told: &[Told], background: &Background) -> Result<Job<Found>> {
     let Setup { volume, lumen, scene, plan, cleansed, .. } = flight.setup();
     // What the flight needs to be planned anew, without its fields: those are of the former lumen.
     let setup = Setup {
@@ -321,10 +295,7 @@ fn begin(flight: &FlightApp, told: &[Told], wake: &WakeUp) -> Result<Stage> {
         told: told.to_vec(),
     };
     let (is_new, position) = (flight.setup().told != told, flight.pose().position);
-    let work = move |progress: &Arc<Progress>| find(setup, is_new, position, progress);
-    let wake = Arc::clone(wake);
-    let job = Job::start_in(&pool, "kinds", &Arc::new(Progress::new()), work, move || wake());
-    Ok(Stage::Working(job, pool))
+    background.start_apart("kinds", move |progress| find(setup, is_new, position, progress))
 }
 
 /// Finds the kinds of gas, first the lumen if what was told is new, and the fields for the flight in it.

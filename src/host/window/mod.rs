@@ -5,6 +5,7 @@
 
 mod actions;
 mod assistant;
+mod background;
 mod cleansing;
 mod controller;
 mod directions;

@@ -118,6 +118,7 @@ mod tests {
     use super::*;
     use crate::components::input::{FlightCommand, HandCommand};
     use crate::host::window::actions::Actions;
+    use crate::host::window::background::Background;
     use crate::host::window::controller::tests::flight;
     use crate::host::window::keys::KeySettings;
     use crate::schedule::Guides;
@@ -130,7 +131,8 @@ mod tests {
 
     fn controller_with(own: &[ActionEntry]) -> (FlightController, Rc<Actions>) {
         let actions = Rc::new(actions(own).unwrap());
-        let c = FlightController::new(flight("manual"), Arc::new(|| {}), Vec::new(), Rc::clone(&actions));
+        let c =
+            FlightController::new(flight("manual"), Background::new(Arc::new(|| {})), Vec::new(), Rc::clone(&actions));
         (c.unwrap(), actions)
     }
 

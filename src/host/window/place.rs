@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 
 use glam::DVec3;
 
-use super::job::{Job, WakeUp};
+use super::background::Background;
+use super::job::Job;
 use crate::app::{FlightApp, Setup};
 use crate::components::flight::State;
 use crate::components::still::StillViews;
@@ -85,7 +86,7 @@ impl Place {
     }
 
     /// Looks where the camera is, if it is time. Starts the computation for a lumen that is new.
-    pub(crate) fn update(&mut self, flight: &FlightApp, wake: &WakeUp, now: Instant) {
+    pub(crate) fn update(&mut self, flight: &FlightApp, background: &Background, now: Instant) {
         // What has been computed is shown at once: the job wakes the window up, and nothing else may do so afterwards.
         let is_computing = matches!(self.flown, Some((_, Known::Computing(_))));
         if self.flown.is_some() && !is_computing && now.saturating_duration_since(self.looked) < LOOKS {
@@ -95,7 +96,7 @@ impl Place {
         let Setup { lumen, plan, .. } = flight.setup();
         let gas = plan.gas.as_ref().unwrap_or(lumen);
         if self.flown.as_ref().is_none_or(|f| !Arc::ptr_eq(&f.0, gas)) {
-            let known = begin(flight, gas, wake).map_or(Known::No, Known::Computing);
+            let known = begin(flight, gas, background).map_or(Known::No, Known::Computing);
             self.flown = Some((Arc::clone(gas), known));
             self.at = None;
         }
@@ -263,8 +264,8 @@ fn go_on(list: &mut Vec<[f64; 2]>, before: Option<f64>, mm: f64) {
 }
 
 /// Computes the measure along the gas that is flown, and what of it was read until now and in an earlier sitting, in the background.
-fn begin(flight: &FlightApp, gas: &Arc<Lumen>, wake: &WakeUp) -> Result<Job<Measured>> {
-    let (volume, gas, wake) = (flight.setup().volume.clone(), Arc::clone(gas), Arc::clone(wake));
+fn begin(flight: &FlightApp, gas: &Arc<Lumen>, background: &Background) -> Result<Job<Measured>> {
+    let (volume, gas) = (flight.setup().volume.clone(), Arc::clone(gas));
     let earlier = flight.camera::<StillViews>().map_or(&[][..], StillViews::earlier);
     let trail = flight.survey().trail().map_or(&[][..], Trail::views);
     let ways = [earlier.iter().map(|v| v.position).collect(), trail.iter().map(|v| v.0).collect::<Vec<_>>()];
@@ -280,7 +281,7 @@ fn begin(flight: &FlightApp, gas: &Arc<Lumen>, wake: &WakeUp) -> Result<Job<Meas
         }
         Ok((along, read))
     };
-    Job::start("along", &Arc::new(Progress::new()), work, move || wake())
+    background.start("along", work)
 }
 
 #[cfg(test)]
@@ -376,11 +377,11 @@ mod tests {
         let mut open = || scan.flight(Scene::guided_by("path"), &FlightRequest::default()).unwrap();
         let read = |flight: &FlightApp| {
             let mut place = Place::new(Instant::now());
-            let wake: WakeUp = Arc::new(|| {});
+            let background = Background::new(Arc::new(|| {}));
             let begun = Instant::now();
             while place.length_mm == 0.0 {
                 assert!(begun.elapsed() < Duration::from_secs(100));
-                place.update(flight, &wake, Instant::now());
+                place.update(flight, &background, Instant::now());
                 std::thread::sleep(Duration::from_millis(2));
             }
             place.read.iter().map(|r| r[1] - r[0]).sum::<f64>()

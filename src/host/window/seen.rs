@@ -6,37 +6,43 @@ mod jobs;
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use bevy_ecs::prelude::Entity;
 use glam::DVec3;
 
-use super::job::{Job, WakeUp};
+use super::background::{Background, BackgroundTask};
+use super::job::Job;
 use crate::app::{FlightApp, Setup};
 use crate::components::review::ReviewStop;
 use crate::coverage::{CoveragePaint, LiveCoverage, Missed};
 use crate::error::Result;
 use crate::fields::{Lumen, WallDistance};
 
-/// Time between two looks at the progress.
-const LOOKS: Duration = Duration::from_millis(200);
-
-enum Stage {
-    Idle,
+/// What is done in the background.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Doing {
     /// The wall is extracted, and the views until then are looked at.
-    Beginning(Job<Watched>),
+    Beginning,
     /// The missed patches are listed.
-    Listing(Job<Vec<Patch>>),
+    Listing,
     /// The distances to the wall are computed, by which ways are planned.
-    Preparing(Job<(Arc<Lumen>, Arc<WallDistance>)>),
-    /// It failed, and why.
-    Failed(String),
+    Preparing,
+}
+
+/// What comes out of it.
+enum Done {
+    Begun(Box<Watched>),
+    Listed(Vec<Patch>),
+    Prepared(Arc<Lumen>, Arc<WallDistance>),
 }
 
 /// What of the wall was seen, in a window.
 pub(crate) struct Seen {
     is_painted: bool,
-    stage: Stage,
+    task: BackgroundTask<Done>,
+    /// What it does, or did last.
+    doing: Doing,
     /// The missed patches, as they were when somebody asked, in the order of the flight.
     list: Option<Vec<Missed>>,
     /// Which of them a review visits: the others are shown by its other stops, or cannot be looked at.
@@ -56,8 +62,6 @@ pub(crate) struct Seen {
     begun_for: Option<bool>,
     /// What follows once the patches are listed.
     then: Then,
-    /// When the progress was looked at.
-    looked: Instant,
 }
 
 /// What was seen of a wall, and its paint.
@@ -90,7 +94,8 @@ impl Seen {
     pub(crate) fn new(now: Instant) -> Self {
         Self {
             is_painted: false,
-            stage: Stage::Idle,
+            task: BackgroundTask::new(now),
+            doing: Doing::Beginning,
             list: None,
             is_visited: Vec::new(),
             current: None,
@@ -101,7 +106,6 @@ impl Seen {
             aside: None,
             begun_for: None,
             then: Then::Nothing,
-            looked: now,
         }
     }
 
@@ -120,13 +124,13 @@ impl Seen {
         shown: bool,
         flight: &mut FlightApp,
         other: Option<Entity>,
-        wake: &WakeUp,
+        background: &Background,
         now: Instant,
     ) -> Result<()> {
         self.is_painted = shown;
         if shown && flight.camera::<LiveCoverage>().is_none() {
-            if !matches!(self.stage, Stage::Beginning(_)) {
-                self.begin(flight, other, wake, now);
+            if !self.is_beginning() {
+                self.begin(flight, other, background, now);
             }
             return Ok(());
         }
@@ -142,8 +146,8 @@ impl Seen {
     }
 
     /// Goes over to the wall of the scan that is shown, once another one is. The views until then are looked at again, in the background.
-    pub(crate) fn follow(&mut self, flight: &FlightApp, other: Option<Entity>, wake: &WakeUp, now: Instant) {
-        let is_beginning = matches!(self.stage, Stage::Beginning(_));
+    pub(crate) fn follow(&mut self, flight: &FlightApp, other: Option<Entity>, background: &Background, now: Instant) {
+        let is_beginning = self.is_beginning();
         let is_watched = match flight.camera::<LiveCoverage>() {
             Some(watched) => watched.is_beside() == other.is_some(),
             // Nobody has asked, or what was asked for is not there yet.
@@ -153,37 +157,48 @@ impl Seen {
         if is_watched {
             // The reader is back at the scan that was shown before.
             if is_beginning && self.begun_for != Some(other.is_some()) {
-                self.stage = Stage::Idle;
+                self.task.stop();
             }
-            if !matches!(self.stage, Stage::Beginning(_)) {
+            if !self.is_beginning() {
                 self.begun_for = None;
             }
         } else if self.begun_for != Some(other.is_some()) && (is_beginning || self.next().is_none()) {
-            self.begin(flight, other, wake, now);
+            self.begin(flight, other, background, now);
         }
     }
 
     /// Begins to watch the wall of the scan that is shown.
-    fn begin(&mut self, flight: &FlightApp, other: Option<Entity>, wake: &WakeUp, now: Instant) {
-        (self.looked, self.begun_for) = (now, Some(other.is_some()));
+    fn begin(&mut self, flight: &FlightApp, other: Option<Entity>, background: &Background, now: Instant) {
+        self.begun_for = Some(other.is_some());
         self.aside.take_if(|(coverage, _)| !coverage.belongs_to(flown(flight)));
         let known = self.aside.as_ref().filter(|(coverage, _)| coverage.is_beside() == other.is_some()).cloned();
         let job = match known {
-            Some((coverage, paint)) => jobs::catch_up(coverage, Some(paint), flight, wake),
-            None => jobs::begin(flight, other, wake),
+            Some((coverage, paint)) => jobs::catch_up(coverage, Some(paint), flight, background),
+            None => jobs::begin(flight, other, background),
         };
-        self.stage = job.map_or_else(|e| Stage::Failed(e.to_string()), Stage::Beginning);
+        self.go_over(Doing::Beginning, job, now);
+    }
+
+    /// True while the wall is extracted, or the views until now are looked at.
+    fn is_beginning(&self) -> bool {
+        self.doing == Doing::Beginning && self.task.is_working()
+    }
+
+    /// Goes over to other work. The former one is cancelled.
+    fn go_over(&mut self, doing: Doing, job: Result<Job<Done>>, now: Instant) {
+        self.doing = doing;
+        self.task.go_over(job, now);
     }
 
     /// Looks at the wall that is watched from all views that it has not taken, in the background, unless that is busy or has failed.
-    pub(crate) fn look_again(&mut self, flight: &FlightApp, wake: &WakeUp, now: Instant) {
-        if !matches!(self.stage, Stage::Idle) {
+    pub(crate) fn look_again(&mut self, flight: &FlightApp, background: &Background, now: Instant) {
+        if self.task.is_working() || self.task.failed().is_some() {
             return;
         }
         if let Some(coverage) = flight.camera::<LiveCoverage>() {
-            (self.looked, self.begun_for) = (now, Some(coverage.is_beside()));
-            let job = jobs::catch_up(coverage.clone(), None, flight, wake);
-            self.stage = job.map_or_else(|e| Stage::Failed(e.to_string()), Stage::Beginning);
+            self.begun_for = Some(coverage.is_beside());
+            let job = jobs::catch_up(coverage.clone(), None, flight, background);
+            self.go_over(Doing::Beginning, job, now);
         }
     }
 
@@ -193,16 +208,17 @@ impl Seen {
         (coverage, paint): Watched,
         flight: &mut FlightApp,
         other: Option<Entity>,
-        wake: &WakeUp,
+        background: &Background,
+        now: Instant,
     ) -> Result<Option<News>> {
         if !coverage.belongs_to(flown(flight)) {
             // Meanwhile the reader has given kinds to gas.
-            self.begin(flight, other, wake, self.looked);
+            self.begin(flight, other, background, now);
             return Ok(None);
         }
         if flight.survey().trail().is_some_and(|t| coverage.lags(t.views())) {
-            let job = jobs::catch_up(coverage, Some(paint), flight, wake);
-            self.stage = job.map_or_else(|e| Stage::Failed(e.to_string()), Stage::Beginning);
+            let job = jobs::catch_up(coverage, Some(paint), flight, background);
+            self.go_over(Doing::Beginning, job, now);
             return Ok(None);
         }
         // What was watched until now is put aside, unless it is of the same wall.
@@ -220,15 +236,14 @@ impl Seen {
     }
 
     /// Lists the missed patches in the background. Does nothing before the flight is watched.
-    pub(crate) fn list_missed(&mut self, then: Then, flight: &FlightApp, wake: &WakeUp, now: Instant) {
+    pub(crate) fn list_missed(&mut self, then: Then, flight: &FlightApp, background: &Background, now: Instant) {
         self.then = then;
         if self.next().is_some() {
             return;
         }
         if let Some(coverage) = flight.camera::<LiveCoverage>() {
-            self.looked = now;
-            let job = jobs::list(coverage, flight, wake);
-            self.stage = job.map_or_else(|e| Stage::Failed(e.to_string()), Stage::Listing);
+            let job = jobs::list(coverage, flight, background);
+            self.go_over(Doing::Listing, job, now);
         }
     }
 
@@ -240,67 +255,37 @@ impl Seen {
         &mut self,
         flight: &mut FlightApp,
         other: Option<Entity>,
-        wake: &WakeUp,
+        background: &Background,
         now: Instant,
     ) -> Result<Option<News>> {
-        let failed = match &mut self.stage {
-            Stage::Beginning(job) => {
-                self.looked = now;
-                match job.take() {
-                    None => return Ok(None),
-                    Some(Ok(watched)) => {
-                        self.stage = Stage::Idle;
-                        return self.adopt(watched, flight, other, wake);
-                    }
-                    Some(Err(e)) => e,
-                }
+        let Some(Ok((done, _))) = self.task.take(now) else { return Ok(None) };
+        Ok(Some(match done {
+            Done::Begun(watched) => return self.adopt(*watched, flight, other, background, now),
+            Done::Listed(list) => {
+                let (list, is_visited) = list.into_iter().unzip();
+                (self.list, self.is_visited, self.current) = (Some(list), is_visited, None);
+                News::Listed(self.then)
             }
-            Stage::Listing(job) => {
-                self.looked = now;
-                match job.take() {
-                    None => return Ok(None),
-                    Some(Ok(list)) => {
-                        self.stage = Stage::Idle;
-                        let (list, is_visited) = list.into_iter().unzip();
-                        (self.list, self.is_visited, self.current) = (Some(list), is_visited, None);
-                        return Ok(Some(News::Listed(self.then)));
-                    }
-                    Some(Err(e)) => e,
-                }
+            Done::Prepared(gas, walls) => {
+                flight.adopt_walls(gas, walls);
+                News::Prepared(self.then)
             }
-            Stage::Preparing(job) => {
-                self.looked = now;
-                match job.take() {
-                    None => return Ok(None),
-                    Some(Ok((gas, walls))) => {
-                        self.stage = Stage::Idle;
-                        flight.adopt_walls(gas, walls);
-                        return Ok(Some(News::Prepared(self.then)));
-                    }
-                    Some(Err(e)) => e,
-                }
-            }
-            Stage::Idle | Stage::Failed(_) => return Ok(None),
-        };
-        self.stage = Stage::Failed(failed.to_string());
-        Ok(None)
+        }))
     }
 
     /// Returns when the progress has to be looked at.
     pub(crate) fn next(&self) -> Option<Instant> {
-        let is_working = matches!(self.stage, Stage::Beginning(_) | Stage::Listing(_) | Stage::Preparing(_));
-        is_working.then_some(self.looked + LOOKS)
+        self.task.next()
     }
 
     /// Returns what is being done, or why it failed; `None` if nothing is.
     pub(crate) fn state(&self) -> Option<std::result::Result<&'static str, &str>> {
-        match &self.stage {
-            Stage::Idle => None,
-            Stage::Beginning(_) => Some(Ok("looking at the wall")),
-            Stage::Listing(_) => Some(Ok("listing what was missed")),
-            Stage::Preparing(_) => Some(Ok("preparing the way")),
-            Stage::Failed(why) => Some(Err(why)),
-        }
+        let text = match self.doing {
+            Doing::Beginning => "looking at the wall",
+            Doing::Listing => "listing what was missed",
+            Doing::Preparing => "preparing the way",
+        };
+        self.task.failed().map(Err).or(self.task.is_working().then_some(Ok(text)))
     }
 
     /// Returns the missed patches in the order of the flight; `None` before they were listed.
@@ -333,13 +318,18 @@ impl Seen {
     }
 
     /// Prepares to plan a way, in the background if that takes long. Returns true if nothing is to be done.
-    pub(crate) fn prepare_tour(&mut self, then: Then, flight: &FlightApp, wake: &WakeUp, now: Instant) -> bool {
+    pub(crate) fn prepare_tour(
+        &mut self,
+        then: Then,
+        flight: &FlightApp,
+        background: &Background,
+        now: Instant,
+    ) -> bool {
         self.then = then;
         if flight.knows_walls_to_tour() || self.next().is_some() {
             return flight.knows_walls_to_tour();
         }
-        self.looked = now;
-        self.stage = jobs::prepare(flight, wake).map_or_else(|e| Stage::Failed(e.to_string()), Stage::Preparing);
+        self.go_over(Doing::Preparing, jobs::prepare(flight, background), now);
         false
     }
 

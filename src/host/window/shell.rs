@@ -18,10 +18,10 @@ use winit::window::{Fullscreen, Window, WindowId};
 
 use super::actions::{Action, ActionContext, Actions, Effect, WindowRequest};
 use super::assistant::Assistant;
+use super::background::Background;
 use super::controller::FlightController;
 use super::framebuffer::{Framebuffer, Places};
 use super::interface::{Interface, WindowSize};
-use super::job::WakeUp;
 use super::keeping::{self, Keeping};
 use super::keys::HeldKeys;
 use super::loading::{Loading, Prepare, Ready, Unflown};
@@ -61,8 +61,8 @@ const MOST_PANICS: u32 = 5;
 pub(crate) enum Wake {
     /// Loading has ended.
     Loaded,
-    /// An image is ready to be saved, or the scan without tag was found.
-    Saveable,
+    /// Work in the background is done.
+    JobDone,
     /// The user interrupted the program.
     Interrupted,
 }
@@ -140,7 +140,7 @@ pub(crate) struct Shell {
     file_list: FileList,
     proxy: EventLoopProxy<Wake>,
     progress: Arc<Progress>,
-    saveable: WakeUp,
+    background: Background,
     presented: PresentTimer,
     overlays: Vec<Overlay>,
     detector: Detector,
@@ -179,10 +179,10 @@ impl Shell {
         let progress = Arc::new(Progress::new());
         let loading = load(first.prepare, &progress, &proxy)?;
         let waker = proxy.clone();
-        let saveable: WakeUp = Arc::new(move || {
+        let background = Background::new(Arc::new(move || {
             // The window may be closed, and then nothing has to be woken.
-            let _ = waker.send_event(Wake::Saveable);
-        });
+            let _ = waker.send_event(Wake::JobDone);
+        }));
         Ok(Self {
             stage: Stage::Loading(loading),
             window: None,
@@ -224,7 +224,7 @@ impl Shell {
             left: None,
             finish: Some(first.finish),
             progress,
-            saveable,
+            background,
             presented: PresentTimer::default(),
             overlays: launch.overlays,
             detector: launch.detector,
@@ -395,7 +395,7 @@ impl Shell {
             output::to_stderr(format_args!("note: the list of recent scans was not saved: {e}"));
         }
         let mut controller =
-            FlightController::new(flight, Arc::clone(&self.saveable), overlays, Rc::clone(&self.actions))?;
+            FlightController::new(flight, self.background.clone(), overlays, Rc::clone(&self.actions))?;
         controller.set_detector(self.detector);
         if self.seconds.is_some() {
             controller.limit_time();
@@ -912,7 +912,7 @@ impl ApplicationHandler<Wake> for Shell {
                 }
                 self.ask_for_picture();
             }
-            Wake::Saveable => self.ask_for_picture(),
+            Wake::JobDone => self.ask_for_picture(),
             Wake::Interrupted => {
                 self.progress.cancel();
                 match self.stage {

@@ -8,39 +8,24 @@ mod showing;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use glam::DVec3;
-use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::Serialize;
 
+use super::background::{Background, BackgroundTask, LOOKS};
 use super::cleansing::Cleansing;
-use super::job::{Job, WakeUp};
+use super::job::Job;
 use crate::app::FlightApp;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::polyps::answers::{Answer, Answers};
 use crate::polyps::{Detector, Measurement};
-use crate::progress::Progress;
 
 use showing::Facts;
 
 pub(crate) use reading::{Reading, Said};
 pub(crate) use search::{Entry, Found, SIDE};
 pub use showing::{Order, Showing};
-
-/// Time between two looks at the progress of a search.
-const LOOKS: Duration = Duration::from_millis(200);
-
-/// What the assistant does.
-enum Stage {
-    /// The scan without tag is being found.
-    Waiting,
-    /// The search, when it was begun, and its threads: in the common pool pictures would wait for it.
-    Searching(Job<Found>, Instant, #[expect(dead_code, reason = "it is kept while it works")] ThreadPool),
-    Ready(Arc<Found>),
-    /// There is no list, and why.
-    Failed(String),
-}
 
 /// What the assistant does, for display.
 pub(crate) enum State<'a> {
@@ -69,7 +54,10 @@ pub(crate) type Measured = std::result::Result<Measurement, String>;
 
 /// The assistant of a window, once it was asked for.
 pub(crate) struct Assistant {
-    stage: Stage,
+    /// When it was looked whether the scan without tag is known, while it is waited for.
+    waiting: Option<Instant>,
+    task: BackgroundTask<Found>,
+    found: Option<Arc<Found>>,
     /// The method that finds polyps.
     detector: Detector,
     reading: Reading,
@@ -87,15 +75,15 @@ pub(crate) struct Assistant {
     pub(crate) is_measuring: bool,
     measured: Option<Measured>,
     took: Option<Took>,
-    /// When the progress was looked at.
-    looked: Instant,
 }
 
 impl Assistant {
     /// Creates an assistant that searches as soon as possible with this method, and with the file of the scan's answers.
     pub(crate) fn new(detector: Detector, file: Option<PathBuf>, now: Instant) -> Self {
         Self {
-            stage: Stage::Waiting,
+            waiting: Some(now),
+            task: BackgroundTask::new(now),
+            found: None,
             detector,
             reading: Reading::default(),
             file,
@@ -106,36 +94,31 @@ impl Assistant {
             is_measuring: false,
             measured: None,
             took: None,
-            looked: now,
         }
     }
 
-    /// Goes on: begins the search once the scan without tag is known, and takes what was found. `wake` is called from another thread
-    /// when the search has ended. Returns true if there is something new to show.
-    pub(crate) fn advance(&mut self, flight: &FlightApp, cleansing: &Cleansing, wake: &WakeUp, now: Instant) -> bool {
-        match &mut self.stage {
-            Stage::Waiting if cleansing.is_under_way() => {
-                self.looked = now;
-                false
+    /// Goes on: begins the search once the scan without tag is known, and takes what was found. Returns true if there is something new
+    /// to show.
+    pub(crate) fn advance(
+        &mut self,
+        flight: &FlightApp,
+        cleansing: &Cleansing,
+        background: &Background,
+        now: Instant,
+    ) -> bool {
+        if self.waiting.is_some() {
+            self.waiting = cleansing.is_under_way().then_some(now);
+            if self.waiting.is_none() {
+                self.task.go_over(begin(self.detector, flight, cleansing, background), now);
             }
-            Stage::Waiting => {
-                let begun = begin(self.detector, flight, cleansing, wake, now);
-                self.stage = begun.unwrap_or_else(|e| Stage::Failed(e.to_string()));
-                self.looked = now;
-                true
-            }
-            Stage::Searching(job, begun, _) => {
-                self.looked = now;
-                let Some(found) = job.take() else { return false };
-                let seconds = begun.elapsed().as_secs_f64();
-                match found {
-                    Ok(found) => self.take(found, seconds),
-                    Err(e) => self.stage = Stage::Failed(e.to_string()),
-                }
-                true
-            }
-            Stage::Ready(_) | Stage::Failed(_) => false,
+            return self.waiting.is_none();
         }
+        let done = self.task.take(now);
+        let is_new = done.is_some();
+        if let Some(Ok((found, seconds))) = done {
+            self.take(found, seconds);
+        }
+        is_new
     }
 
     fn take(&mut self, found: Found, seconds: f64) {
@@ -149,7 +132,7 @@ impl Assistant {
         self.reading.know(found.list.iter().map(Facts::of).collect());
         self.reading.show(showing);
         self.told = unread.map_or_else(String::new, |e| format!("answers are not kept: {}: {}", e.what, e.why));
-        self.stage = Stage::Ready(Arc::new(found));
+        self.found = Some(Arc::new(found));
         if let Some(path) = self.wanted.take() {
             self.load(&path);
         }
@@ -166,39 +149,40 @@ impl Assistant {
 
     /// Returns when its progress has to be looked at.
     pub(crate) fn next(&self) -> Option<Instant> {
-        matches!(self.stage, Stage::Waiting | Stage::Searching(..)).then_some(self.looked + LOOKS)
+        self.waiting.map(|looked| looked + LOOKS).or(self.task.next())
     }
 
     /// Returns what it does.
     pub(crate) fn state(&self) -> State<'_> {
-        match &self.stage {
-            Stage::Waiting => State::Working("waiting for the scan without tag".to_owned(), None),
-            Stage::Searching(job, ..) => {
-                let (stage, done, all) = job.progress().snapshot();
+        match (&self.found, self.task.progress(), self.task.failed()) {
+            (Some(found), ..) => State::Ready(found),
+            (_, Some(progress), _) => {
+                let (stage, done, all) = progress.snapshot();
                 State::Working(stage, (all > 0).then_some(done as f32 / all as f32))
             }
-            Stage::Ready(found) => State::Ready(found),
-            Stage::Failed(why) => State::Failed(why),
+            (.., Some(why)) => State::Failed(why),
+            (None, None, None) => State::Working("waiting for the scan without tag".to_owned(), None),
         }
     }
 
     /// Stops the search.
     pub(crate) fn cancel(&mut self) {
-        if matches!(self.stage, Stage::Waiting | Stage::Searching(..)) {
-            self.stage = Stage::Failed("the search was cancelled".to_owned());
+        if self.waiting.take().is_some() || self.task.is_working() {
+            self.task.fail("the search was cancelled");
         }
     }
 
     /// Searches again, after a failure.
-    pub(crate) fn retry(&mut self) {
-        if matches!(self.stage, Stage::Failed(_)) {
-            self.stage = Stage::Waiting;
+    pub(crate) fn retry(&mut self, now: Instant) {
+        if self.task.failed().is_some() {
+            self.task.stop();
+            self.waiting = Some(now);
         }
     }
 
     /// Returns what was found.
     pub(crate) fn found(&self) -> Option<&Arc<Found>> {
-        if let Stage::Ready(found) = &self.stage { Some(found) } else { None }
+        self.found.as_ref()
     }
 
     /// Returns the reading.
@@ -269,14 +253,11 @@ pub(crate) fn answer_text(answer: Answer) -> &'static str {
     }
 }
 
-/// Begins the search on threads of its own.
+/// Begins the search.
 ///
 /// # Errors
 /// Returns status 1 if the system cannot start threads.
-fn begin(detector: Detector, flight: &FlightApp, cleansing: &Cleansing, wake: &WakeUp, now: Instant) -> Result<Stage> {
-    let pool =
-        ThreadPoolBuilder::new().num_threads(rayon::current_num_threads()).thread_name(|n| format!("assistant {n}"));
-    let pool = pool.build().map_err(|e| Error::fault("threads", e.to_string(), "use fewer --threads").caused_by(e))?;
+fn begin(detector: Detector, flight: &FlightApp, cleansing: &Cleansing, background: &Background) -> Result<Job<Found>> {
     let setup = flight.setup();
     let input = search::Input {
         volume: setup.volume.clone(),
@@ -286,10 +267,7 @@ fn begin(detector: Detector, flight: &FlightApp, cleansing: &Cleansing, wake: &W
         preset: setup.scene.image.preset,
         detector,
     };
-    let wake = Arc::clone(wake);
-    let work = move |progress: &Arc<Progress>| search::search(input, progress);
-    let job = Job::start_in(&pool, "assistant", &Arc::new(Progress::new()), work, move || wake());
-    Ok(Stage::Searching(job, now, pool))
+    background.start_apart("assistant", move |progress| search::search(input, progress))
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! The assistant of a window, in flights through phantoms.
 
 use std::thread;
+use std::time::Duration;
 
 use super::*;
 use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scan, Scene};
@@ -9,6 +10,7 @@ use crate::host::window::controller::tests::{cockpit_of, perform, trace};
 use crate::host::window::panels::{AssistInput, SliceInput};
 use crate::phantom::PhantomSettings;
 use crate::polyps::answers::Answered;
+use crate::progress::Progress;
 use crate::render::Settings;
 use crate::shared::shared;
 
@@ -165,7 +167,7 @@ fn a_search_is_cancelled_and_begun_again_and_answers_wait_for_it() {
     let now = Instant::now();
     let mut c = flown(false);
     c.assist(AssistInput::Begin, now);
-    until(&mut c, |a| matches!(a.stage, Stage::Searching(..)));
+    until(&mut c, |a| a.task.is_working());
     c.assist(AssistInput::Cancel, now);
     let failed = |a: &Assistant| matches!(a.state(), State::Failed(why) if why.contains("cancelled"));
     assert!(c.assistant().is_some_and(failed) && c.assistant().unwrap().next().is_none());

@@ -75,7 +75,7 @@ impl FlightController {
     /// Lets the assistant go on.
     pub(super) fn take_found(&mut self, now: Instant) {
         let Some(assistant) = &mut self.assistant else { return };
-        if assistant.advance(&self.flight, &self.cleansing, &self.wake, now) {
+        if assistant.advance(&self.flight, &self.cleansing, &self.background, now) {
             self.attention = true;
         }
     }
@@ -104,7 +104,7 @@ impl FlightController {
             made
         });
         match request {
-            AssistInput::Begin => assistant.retry(),
+            AssistInput::Begin => assistant.retry(now),
             AssistInput::Cancel => assistant.cancel(),
             AssistInput::Select(n) => {
                 if assistant.reading_mut().select(n).is_some() {

@@ -98,7 +98,7 @@ impl FlightController {
         let still = self.flight.camera::<StillViews>().map_or(&[][..], StillViews::views);
         let more = still.get(coverage.looked()..).unwrap_or(&[]);
         if more.len() > VIEWS_AT_ONCE {
-            return self.seen.look_again(&self.flight, &self.wake, now);
+            return self.seen.look_again(&self.flight, &self.background, now);
         }
         if more.is_empty() {
             return;

@@ -27,7 +27,7 @@ impl FlightController {
     /// Shows or hides the paint over what was not seen yet.
     pub(crate) fn show_seen(&mut self, shown: bool, now: Instant) {
         let other = self.cleansing.other(&self.flight);
-        let done = self.seen.show(shown, &mut self.flight, other, &self.wake, now);
+        let done = self.seen.show(shown, &mut self.flight, other, &self.background, now);
         let is_known = self.flight.camera::<LiveCoverage>().is_some();
         let told = match (done, shown, is_known) {
             (Err(e), ..) => e.to_string(),
@@ -60,7 +60,7 @@ impl FlightController {
 
     /// Lists the missed patches anew.
     pub(crate) fn list_missed(&mut self, now: Instant) {
-        self.seen.list_missed(Then::Nothing, &self.flight, &self.wake, now);
+        self.seen.list_missed(Then::Nothing, &self.flight, &self.background, now);
         self.attention = true;
     }
 
@@ -70,7 +70,7 @@ impl FlightController {
         match self.seen.next_missed(coverage, self.flight.pose().position) {
             Some(n) => self.fly_to_missed(n, now),
             None if self.seen.next().is_none() => {
-                self.seen.list_missed(Then::Next, &self.flight, &self.wake, now);
+                self.seen.list_missed(Then::Next, &self.flight, &self.background, now);
                 self.say("listing what was missed ...", now);
             }
             None => {}
@@ -84,7 +84,7 @@ impl FlightController {
         if is_there || !self.flight.setup().scene.moves() || self.flight.setup().scene.play().is_some() {
             return self.visit_missed(n, now);
         }
-        if !self.seen.prepare_tour(Then::Next, &self.flight, &self.wake, now) {
+        if !self.seen.prepare_tour(Then::Next, &self.flight, &self.background, now) {
             return self.say("preparing the way ...", now);
         }
         let Some(patch) = self.seen.choose(n) else { return };
@@ -150,7 +150,7 @@ impl FlightController {
         } else if self.seen.next().is_none() {
             self.stop(now);
             self.seen.reviewed.clear();
-            self.seen.list_missed(Then::Review, &self.flight, &self.wake, now);
+            self.seen.list_missed(Then::Review, &self.flight, &self.background, now);
             self.say("planning the review ...", now);
         }
     }
@@ -201,7 +201,7 @@ impl FlightController {
 
     /// Sets out on a tour past the patches of the list and the candidates that the reader is unsure of.
     fn begin_review(&mut self, now: Instant) {
-        if !self.seen.prepare_tour(Then::Review, &self.flight, &self.wake, now) {
+        if !self.seen.prepare_tour(Then::Review, &self.flight, &self.background, now) {
             return;
         }
         let stops = self.review_stops();
@@ -236,8 +236,8 @@ impl FlightController {
         self.wait_at_missed(now);
         self.go_on_with_review(now);
         let other = self.cleansing.other(&self.flight);
-        self.seen.follow(&self.flight, other, &self.wake, now);
-        match self.seen.take(&mut self.flight, other, &self.wake, now) {
+        self.seen.follow(&self.flight, other, &self.background, now);
+        match self.seen.take(&mut self.flight, other, &self.background, now) {
             Ok(None) => {}
             Ok(Some(News::Begun)) => {
                 if self.seen.is_painted() {

@@ -24,7 +24,7 @@ impl FlightController {
 
     /// Shows or hides the kinds of gas in the slices.
     pub(crate) fn show_kinds(&mut self, shown: bool, now: Instant) {
-        self.kinds.show(shown, &self.flight, &self.wake, now);
+        self.kinds.show(shown, &self.flight, &self.background, now);
         self.colour_slices();
         let told = match (shown, self.kinds.tint()) {
             (false, _) => "kinds of gas: hidden",
@@ -56,7 +56,7 @@ impl FlightController {
         if let Err(why) = self.kinds.may_tell() {
             return self.say(why, now);
         }
-        let told = self.kinds.tell(kind, &self.flight, &self.wake, now);
+        let told = self.kinds.tell(kind, &self.flight, &self.background, now);
         self.note_changes();
         match told {
             Ok(false) => self.say("it has that kind already", now),
@@ -72,7 +72,7 @@ impl FlightController {
     /// Undoes the last kind that the reader gave.
     pub(super) fn undo_kind(&mut self, now: Instant) {
         self.say("kind undone: finding the lumen anew ...", now);
-        let kept = self.kinds.undo(&self.flight, &self.wake, now);
+        let kept = self.kinds.undo(&self.flight, &self.background, now);
         self.report_kept(kept, now);
         self.colour_slices();
     }

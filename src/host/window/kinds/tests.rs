@@ -1,5 +1,6 @@
 use std::path::Path;
 use std::thread;
+use std::time::Duration;
 
 use super::*;
 use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scan, Scene};

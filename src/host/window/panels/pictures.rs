@@ -16,6 +16,7 @@ use super::series::SeriesList;
 use super::*;
 use crate::app::{FlightRequest, OpenOptions, Scan, Scene};
 use crate::host::window::actions::ActionContext;
+use crate::host::window::background::Background;
 use crate::host::window::directions::Directions;
 use crate::host::window::interface::{Interface, WindowSize};
 use crate::host::window::keys::KeySettings;
@@ -74,7 +75,8 @@ impl Stage {
             keys: actions.short_help(),
             ..HudState::default()
         };
-        let controller = FlightController::new(flight, Arc::new(|| {}), Vec::new(), Rc::clone(&actions)).unwrap();
+        let controller =
+            FlightController::new(flight, Background::new(Arc::new(|| {})), Vec::new(), Rc::clone(&actions)).unwrap();
         let (interface, size) = (Interface::new(), WindowSize { pixels, scale });
         let recent = ["/scans/prone.nii.gz", "/scans/supine"].map(PathBuf::from).to_vec();
         Self { controller, actions, interface, artist: Artist::new(), size, hud, recent }

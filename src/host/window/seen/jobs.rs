@@ -5,14 +5,15 @@ use std::sync::Arc;
 use bevy_ecs::prelude::Entity;
 use glam::DVec3;
 
-use super::{Patch, Watched, flown};
+use super::{Done, Patch, flown};
 use crate::app::{FlightApp, Setup};
 use crate::components::still::StillViews;
 use crate::coverage::{CoveragePaint, LiveCoverage, Scans, missed};
 use crate::dynamics::Attitude;
 use crate::error::Result;
-use crate::fields::{Lumen, Through, WallDistance};
-use crate::host::window::job::{Job, WakeUp};
+use crate::fields::{Through, WallDistance};
+use crate::host::window::background::Background;
+use crate::host::window::job::Job;
 use crate::host::window::shown::ShownScan;
 use crate::progress::Progress;
 
@@ -20,7 +21,7 @@ use crate::progress::Progress;
 const LONG_AGO: f64 = f64::NEG_INFINITY;
 
 /// Extracts the wall of the scan that is shown and looks at the views until now, in the background.
-pub(super) fn begin(flight: &FlightApp, other: Option<Entity>, wake: &WakeUp) -> Result<Job<Watched>> {
+pub(super) fn begin(flight: &FlightApp, other: Option<Entity>, background: &Background) -> Result<Job<Done>> {
     let (volume, gas) = (flight.setup().volume.clone(), Arc::clone(flown(flight)));
     let shown = other.and_then(|other| ShownScan::of(flight, other));
     let (views, still) = views(flight);
@@ -33,10 +34,9 @@ pub(super) fn begin(flight: &FlightApp, other: Option<Entity>, wake: &WakeUp) ->
         coverage.set_fov(fov_degrees);
         coverage.see(&volume, &views, &still, LONG_AGO);
         let paint = CoveragePaint::new(&coverage);
-        Ok((coverage, paint))
+        Ok(Done::Begun(Box::new((coverage, paint))))
     };
-    let wake = Arc::clone(wake);
-    Job::start_apart("coverage", &Arc::new(Progress::new()), work, move || wake())
+    background.start_apart("coverage", work)
 }
 
 /// Looks at the views since a wall was watched last, in the background, and prepares its paint if there is none.
@@ -44,16 +44,15 @@ pub(super) fn catch_up(
     mut coverage: LiveCoverage,
     paint: Option<CoveragePaint>,
     flight: &FlightApp,
-    wake: &WakeUp,
-) -> Result<Job<Watched>> {
+    background: &Background,
+) -> Result<Job<Done>> {
     let (volume, (views, still)) = (flight.setup().volume.clone(), views(flight));
     let work = move |_: &Arc<Progress>| {
         coverage.see(&volume, &views, &still, LONG_AGO);
         let paint = paint.unwrap_or_else(|| CoveragePaint::new(&coverage));
-        Ok((coverage, paint))
+        Ok(Done::Begun(Box::new((coverage, paint))))
     };
-    let wake = Arc::clone(wake);
-    Job::start("coverage", &Arc::new(Progress::new()), work, move || wake())
+    background.start("coverage", work)
 }
 
 /// Returns the views of the flight's trail, and those beside it.
@@ -63,19 +62,18 @@ fn views(flight: &FlightApp) -> (Vec<(DVec3, Attitude)>, StillViews) {
 }
 
 /// Computes the distances to the wall of the gas that is flown, in the background.
-pub(super) fn prepare(flight: &FlightApp, wake: &WakeUp) -> Result<Job<(Arc<Lumen>, Arc<WallDistance>)>> {
+pub(super) fn prepare(flight: &FlightApp, background: &Background) -> Result<Job<Done>> {
     let Setup { volume, lumen, plan, .. } = flight.setup();
     let (volume, gas) = (volume.clone(), Arc::clone(plan.gas.as_ref().unwrap_or(lumen)));
     let work = move |progress: &Arc<Progress>| {
         let walls = WallDistance::of_lumen(volume.voxels(), &gas, Through::Gas, progress)?;
-        Ok((gas, Arc::new(walls)))
+        Ok(Done::Prepared(gas, Arc::new(walls)))
     };
-    let wake = Arc::clone(wake);
-    Job::start("tour", &Arc::new(Progress::new()), work, move || wake())
+    background.start("tour", work)
 }
 
 /// Lists the missed patches in the background.
-pub(super) fn list(coverage: &LiveCoverage, flight: &FlightApp, wake: &WakeUp) -> Result<Job<Vec<Patch>>> {
+pub(super) fn list(coverage: &LiveCoverage, flight: &FlightApp, background: &Background) -> Result<Job<Done>> {
     let (coverage, setup) = (coverage.clone(), flight.setup());
     let (radius, volume) = (setup.scene.body.radius_mm, setup.volume.clone());
     let work = move |progress: &Arc<Progress>| {
@@ -93,8 +91,7 @@ pub(super) fn list(coverage: &LiveCoverage, flight: &FlightApp, wake: &WakeUp) -
         // What has no place along the colon comes last.
         let mm = |p: &Patch| p.0.along.map_or(f64::INFINITY, |a| a.mm);
         found.sort_by(|a, b| mm(a).total_cmp(&mm(b)));
-        Ok(found)
+        Ok(Done::Listed(found))
     };
-    let wake = Arc::clone(wake);
-    Job::start("missed", &Arc::new(Progress::new()), work, move || wake())
+    background.start("missed", work)
 }
