@@ -1,5 +1,8 @@
 //! The synthetic colon.
 
+#[path = "kept.rs"]
+mod kept;
+
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
@@ -22,7 +25,9 @@ pub(crate) fn phantom(settings: &PhantomSettings) -> (Volume, Truth) {
 
 fn made(settings: &PhantomSettings) -> (Volume, Truth) {
     let phantom = Phantom::new(settings);
-    let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).expect("not cancelled");
+    let grid = phantom.grid();
+    let make = || phantom.voxelise(&grid, &Progress::new()).expect("not cancelled").data().to_vec();
+    let volume = Volume::new(grid.clone(), kept::voxels(&format!("{settings:?}"), grid.len(), make));
     let truth = phantom.truth();
     (volume, truth)
 }

@@ -1,5 +1,8 @@
 //! Phantoms that unit tests share: making one takes a second or two, and most tests want the same few.
 
+#[path = "kept.rs"]
+mod kept;
+
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -20,7 +23,9 @@ pub(crate) fn shared(settings: &PhantomSettings) -> (Arc<Phantom>, Volume) {
     // Others that want the same one wait for it, but none waits for another one.
     let (phantom, volume) = slot.get_or_init(|| {
         let phantom = Phantom::new(settings);
-        let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+        let grid = phantom.grid();
+        let make = || phantom.voxelise(&grid, &Progress::new()).unwrap().data().to_vec();
+        let volume = Volume::new(grid.clone(), kept::voxels(&format!("{settings:?}"), grid.len(), make));
         (Arc::new(phantom), Arc::new(volume))
     });
     (Arc::clone(phantom), Volume::clone(volume))
