@@ -1,11 +1,8 @@
 //! Dot plots of shares: a line for each thing measured, a dot for each share, and reference values across all lines.
 
-use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-
-use super::plot::COLOURS;
+use super::pen::{self, Drawn, GREY, GRID, HPos, INK, Pen, RGBColor, VPos, colour};
 use super::table::{Cell, Table};
-use crate::error::{Error, Result};
+use crate::error::Result;
 
 /// Width of a plot and height of a line, pixels.
 const WIDTH: i32 = 1000;
@@ -37,74 +34,57 @@ impl Dots {
     pub(crate) fn table(&self) -> Table {
         let mut t = Table::new(&[&["name"], &self.series[..]].concat());
         for (name, shares) in &self.lines {
-            let cells = shares.iter().map(|s| s.map(|s| Cell::Number(s, 3)).into());
-            t.row(std::iter::once(name.as_str().into()).chain(cells).collect());
+            let cells = shares.iter().map(|&s| (s, 3).into());
+            t.row(std::iter::once(Cell::from(name)).chain(cells).collect());
         }
         t
     }
 
     /// Returns the plot as an SVG element. Fails with status 1 if it cannot be drawn.
     pub(crate) fn svg(&self) -> Result<String> {
-        let mut svg = String::new();
-        self.draw(&mut svg).map_err(|e| Error::fault("plot", e, "report it"))?;
-        Ok(svg)
+        let height = MARGIN[2] + MARGIN[3] + LINE * self.lines.len() as i32;
+        pen::svg(WIDTH, height, |pen| self.draw(pen, height))
     }
 
-    fn draw(&self, svg: &mut String) -> std::result::Result<(), String> {
-        let text = |e: DrawingAreaErrorKind<_>| format!("{e:?}");
-        let height = MARGIN[2] + MARGIN[3] + LINE * self.lines.len() as i32;
-        let root = SVGBackend::with_string(svg, (WIDTH as u32, height as u32)).into_drawing_area();
-        root.fill(&WHITE).map_err(text)?;
-        let put = |s: &str, at: (i32, i32), px: i32, colour: &RGBColor, pos: Pos| {
-            root.draw(&Text::new(s.to_owned(), at, ("sans-serif", px).into_font().color(colour).pos(pos))).map_err(text)
-        };
-        let stroke = |a: (i32, i32), b: (i32, i32), colour: RGBColor, width: u32| {
-            root.draw(&PathElement::new(vec![a, b], colour.stroke_width(width))).map_err(text)
-        };
+    fn draw(&self, pen: &Pen<'_>, height: i32) -> Drawn {
         let (left, right, top, bottom) = (MARGIN[0], WIDTH - MARGIN[1], MARGIN[2], height - MARGIN[3]);
         let shares = self.lines.iter().flat_map(|l| l.1.iter().flatten());
         let least = shares.copied().filter(|s| s.is_finite()).fold(1.0 - TICK, f64::min);
         let low = ((least / TICK).floor() * TICK).clamp(0.0, 1.0 - TICK);
         let across = |s: f64| left + ((s - low) / (1.0 - low) * f64::from(right - left)).round() as i32;
-        let grey = RGBColor(90, 90, 90);
-        put(&self.title, (12, 6), 20, &BLACK, Pos::new(HPos::Left, VPos::Top))?;
+        pen.text(&self.title, (12, 6), 20, INK, (HPos::Left, VPos::Top))?;
         let mut legend = 18;
         for (n, name) in self.series.iter().enumerate() {
-            root.draw(&Circle::new((legend, 48), 5, COLOURS[n % COLOURS.len()].filled())).map_err(text)?;
-            put(name, (legend + 10, 48), 15, &BLACK, Pos::new(HPos::Left, VPos::Center))?;
+            pen.dot((legend, 48), 5, colour(n))?;
+            pen.text(name, (legend + 10, 48), 15, INK, (HPos::Left, VPos::Center))?;
             legend += 34 + 7 * name.chars().count() as i32;
         }
         for n in (low / TICK).round() as i32..=(1.0 / TICK).round() as i32 {
             let at = across(f64::from(n) * TICK);
-            stroke((at, top), (at, bottom), RGBColor(228, 228, 228), 1)?;
-            put(&format!("{} %", n * 10), (at, bottom + 8), 15, &grey, Pos::new(HPos::Center, VPos::Top))?;
+            pen.line([(at, top), (at, bottom)], GRID, 1)?;
+            pen.text(&format!("{} %", n * 10), (at, bottom + 8), 15, GREY, (HPos::Center, VPos::Top))?;
         }
         for (share, name) in self.references.iter().filter(|r| r.0 >= low) {
             let at = across(*share);
-            stroke((at, top - 6), (at, bottom), RGBColor(150, 150, 150), 2)?;
+            pen.line([(at, top - 6), (at, bottom)], RGBColor(150, 150, 150), 2)?;
             // Names of near values stand in two rows.
             let row = self.references.iter().position(|r| r.1 == *name).unwrap_or(0) as i32 % 2;
-            put(name, (at, top - 10 - 15 * row), 13, &grey, Pos::new(HPos::Center, VPos::Bottom))?;
+            pen.text(name, (at, top - 10 - 15 * row), 13, GREY, (HPos::Center, VPos::Bottom))?;
         }
         for (n, (name, shares)) in self.lines.iter().enumerate() {
             let y = top + LINE * n as i32 + LINE / 2;
-            stroke((left, y), (right, y), RGBColor(238, 238, 238), 1)?;
-            put(name, (left - 12, y), 15, &BLACK, Pos::new(HPos::Right, VPos::Center))?;
+            pen.line([(left, y), (right, y)], RGBColor(238, 238, 238), 1)?;
+            pen.text(name, (left - 12, y), 15, INK, (HPos::Right, VPos::Center))?;
             for (k, share) in shares.iter().enumerate() {
                 if let Some(s) = share.filter(|s| s.is_finite()) {
                     // Each series has its own height within the line, so that equal shares do not hide each other.
                     let beside = STAGGER * (2 * k as i32 + 1 - self.series.len() as i32) / 2;
-                    let dot = Circle::new((across(s), y + beside), 4, COLOURS[k % COLOURS.len()].filled());
-                    root.draw(&dot).map_err(text)?;
+                    pen.dot((across(s), y + beside), 4, colour(k))?;
                 }
             }
         }
-        root.draw(&Rectangle::new([(left, top), (right, bottom)], grey.stroke_width(1))).map_err(text)?;
-        let middle = ((left + right) / 2, height - 10);
-        put(&self.x, middle, 17, &BLACK, Pos::new(HPos::Center, VPos::Bottom))?;
-        root.present().map_err(text)?;
-        drop(root);
-        Ok(())
+        pen.frame([(left, top), (right, bottom)])?;
+        pen.text(&self.x, ((left + right) / 2, height - 10), 17, INK, (HPos::Center, VPos::Bottom))
     }
 }
 

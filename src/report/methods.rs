@@ -172,6 +172,6 @@ mod tests {
         let mut families: Vec<&str> = METHODS.iter().map(|m| m.family).collect();
         families.sort_unstable();
         families.dedup();
-        assert!(families.len() <= super::super::plot::COLOURS.len());
+        assert!(families.len() <= super::super::pen::COLOURS.len());
     }
 }

@@ -19,6 +19,7 @@ pub mod gradients;
 mod image;
 mod methods;
 mod page;
+mod pen;
 pub mod perforation;
 mod plot;
 pub mod render;

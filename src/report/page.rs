@@ -43,6 +43,11 @@ impl Page {
         self.body.push_str(&format!("<p class=finding>{}</p>\n", escape(text)));
     }
 
+    /// Adds findings.
+    pub(crate) fn findings(&mut self, all: &[String]) {
+        all.iter().for_each(|f| self.finding(f));
+    }
+
     /// Adds a table, and writes `name.csv` beside the page. Fails with status 5 if the CSV file cannot be written.
     pub(crate) fn table(&mut self, name: &str, table: &Table) -> Result<()> {
         self.body.push_str(&table.html());

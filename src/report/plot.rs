@@ -1,26 +1,15 @@
 //! Work-precision plots: both axes are logarithmic, the Pareto front is marked, and every point has a name.
 
-use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-
-use super::table::{Cell, Table};
-use crate::error::{Error, Result};
+use super::pen::{self, Drawn, GREY, GRID, HPos, INK, Pen, Place, RGBColor, VPos, colour};
+use super::table::{Table, row};
+use crate::error::Result;
 
 /// Size of a plot, pixels.
-const SIZE: (u32, u32) = (1000, 620);
+const SIZE: (i32, i32) = (1000, 620);
 /// Pixels around the plotting area: left, right, top, bottom.
 const MARGIN: [i32; 4] = [84, 22, 78, 62];
-/// Colours that people with any colour vision can distinguish (Okabe and Ito 2008).
-pub(super) const COLOURS: [RGBColor; 8] = [
-    RGBColor(0, 114, 178),
-    RGBColor(213, 94, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(230, 159, 0),
-    RGBColor(86, 180, 233),
-    RGBColor(120, 94, 60),
-    RGBColor(0, 0, 0),
-];
+/// The colour of the Pareto front.
+const FRONT: RGBColor = RGBColor(216, 216, 216);
 
 /// A measured point.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,6 +33,32 @@ pub(crate) struct Series {
     pub line: bool,
 }
 
+impl Point {
+    /// Creates a point without a name.
+    pub(crate) fn at(x: f64, y: f64) -> Self {
+        Self { x, y, name: String::new() }
+    }
+}
+
+impl Series {
+    /// Creates points with a line through them.
+    pub(crate) fn line(name: impl Into<String>, points: impl IntoIterator<Item = Point>) -> Self {
+        Self { name: name.into(), points: points.into_iter().collect(), line: true }
+    }
+
+    /// Groups points by the name of their series, in the order of the names' first points. The bool tells whether a line is drawn.
+    pub(crate) fn grouped(points: impl IntoIterator<Item = (String, bool, Point)>) -> Vec<Self> {
+        let mut all: Vec<Self> = Vec::new();
+        for (name, line, point) in points {
+            match all.iter_mut().find(|s| s.name == name) {
+                Some(s) => s.points.push(point),
+                None => all.push(Self { name, points: vec![point], line }),
+            }
+        }
+        all
+    }
+}
+
 /// A plot of y over x. Smaller values are better in both.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Plot {
@@ -60,15 +75,23 @@ pub(crate) struct Plot {
 }
 
 impl Plot {
+    /// Creates a plot without a front.
+    pub(crate) fn new(
+        title: impl Into<String>,
+        x: impl Into<String>,
+        y: impl Into<String>,
+        series: Vec<Series>,
+    ) -> Self {
+        Self { title: title.into(), x: x.into(), y: y.into(), front: false, series }
+    }
+
     /// Returns the points as a table: series, name, x, y, and whether the point is on the Pareto front.
     pub(crate) fn table(&self) -> Table {
         let mut t = Table::new(&["series", "name", &self.x, &self.y, "on_front"]);
         let front = self.front();
         for s in &self.series {
             for p in &s.points {
-                let on = front.contains(&(p.x, p.y));
-                let cells = [Cell::Number(p.x, 4), Cell::Number(p.y, 4), if on { "yes" } else { "no" }.into()];
-                t.row([s.name.as_str().into(), p.name.as_str().into()].into_iter().chain(cells).collect());
+                t.row(row![&s.name, &p.name, (p.x, 4), (p.y, 4), front.contains(&(p.x, p.y))]);
             }
         }
         t
@@ -95,88 +118,64 @@ impl Plot {
 
     /// Returns the plot as an SVG element. Fails with status 1 if it cannot be drawn.
     pub(crate) fn svg(&self) -> Result<String> {
-        let mut svg = String::new();
-        self.draw(&mut svg).map_err(|e| Error::fault("plot", e, "report it"))?;
-        Ok(svg)
+        pen::svg(SIZE.0, SIZE.1, |pen| self.draw(pen))
     }
 
-    fn draw(&self, svg: &mut String) -> std::result::Result<(), String> {
-        let text = |e: DrawingAreaErrorKind<_>| format!("{e:?}");
-        let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
-        root.fill(&WHITE).map_err(text)?;
-        let put = |s: &str, at: (i32, i32), px: i32, colour: &RGBColor, pos: Pos| {
-            let style = ("sans-serif", px).into_font().color(colour).pos(pos);
-            root.draw(&Text::new(s.to_owned(), at, style)).map_err(text)
-        };
-        let grey = RGBColor(90, 90, 90);
-        let (left, right) = (MARGIN[0], SIZE.0 as i32 - MARGIN[1]);
-        let (top, bottom) = (MARGIN[2], SIZE.1 as i32 - MARGIN[3]);
-        put(&self.title, (left, 6), 20, &BLACK, Pos::new(HPos::Left, VPos::Top))?;
+    fn draw(&self, pen: &Pen<'_>) -> Drawn {
+        let (left, right) = (MARGIN[0], SIZE.0 - MARGIN[1]);
+        let (top, bottom) = (MARGIN[2], SIZE.1 - MARGIN[3]);
+        pen.text(&self.title, (left, 6), 20, INK, (HPos::Left, VPos::Top))?;
         let x = Axis::over(self.shown().map(|(_, p)| p.x), [left, right]);
         let y = Axis::over(self.shown().map(|(_, p)| p.y), [bottom, top]);
-        let line = |a: (i32, i32), b: (i32, i32), colour: RGBColor| {
-            root.draw(&PathElement::new(vec![a, b], colour.stroke_width(1))).map_err(text)
-        };
         for (v, labelled) in x.ticks() {
             let at = x.at(v);
-            line((at, top), (at, bottom), RGBColor(228, 228, 228))?;
+            pen.line([(at, top), (at, bottom)], GRID, 1)?;
             if labelled {
-                put(&number(v), (at, bottom + 8), 15, &grey, Pos::new(HPos::Center, VPos::Top))?;
+                pen.text(&number(v), (at, bottom + 8), 15, GREY, (HPos::Center, VPos::Top))?;
             }
         }
         for (v, labelled) in y.ticks() {
             let at = y.at(v);
-            line((left, at), (right, at), RGBColor(228, 228, 228))?;
+            pen.line([(left, at), (right, at)], GRID, 1)?;
             if labelled {
-                put(&number(v), (left - 8, at), 15, &grey, Pos::new(HPos::Right, VPos::Center))?;
+                pen.text(&number(v), (left - 8, at), 15, GREY, (HPos::Right, VPos::Center))?;
             }
         }
-        root.draw(&Rectangle::new([(left, top), (right, bottom)], grey.stroke_width(1))).map_err(text)?;
-        put(&self.x, ((left + right) / 2, SIZE.1 as i32 - 12), 17, &BLACK, Pos::new(HPos::Center, VPos::Bottom))?;
-        let upwards = ("sans-serif", 17).into_font().transform(FontTransform::Rotate270).color(&BLACK);
-        let upwards = upwards.pos(Pos::new(HPos::Center, VPos::Top));
-        root.draw(&Text::new(self.y.clone(), (10, (top + bottom) / 2), upwards)).map_err(text)?;
-        self.legend(|s, at, colour| {
-            root.draw(&Circle::new((at.0, at.1), 5, colour.filled())).map_err(text)?;
-            put(s, (at.0 + 10, at.1), 15, &BLACK, Pos::new(HPos::Left, VPos::Center))
-        })?;
+        pen.frame([(left, top), (right, bottom)])?;
+        pen.text(&self.x, ((left + right) / 2, SIZE.1 - 12), 17, INK, (HPos::Center, VPos::Bottom))?;
+        pen.upwards(&self.y, (10, (top + bottom) / 2), 17)?;
+        self.legend(pen)?;
         let place = |p: &Point| (x.at(p.x), y.at(p.y));
         let front = if self.front { self.front() } else { Vec::new() };
-        let front: Vec<(i32, i32)> = front.iter().map(|&(a, b)| (x.at(a), y.at(b))).collect();
-        root.draw(&PathElement::new(front, RGBColor(216, 216, 216).stroke_width(7))).map_err(text)?;
+        pen.line(front.iter().map(|&(a, b)| (x.at(a), y.at(b))).collect::<Vec<_>>(), FRONT, 7)?;
         for (n, s) in self.series.iter().enumerate().filter(|(_, s)| s.line) {
-            let points: Vec<_> = self.shown().filter(|(k, _)| *k == n).map(|(_, p)| place(p)).collect();
-            root.draw(&PathElement::new(points, COLOURS[n % COLOURS.len()].stroke_width(2))).map_err(text)?;
+            let points = self.shown().filter(|(k, _)| *k == n).map(|(_, p)| place(p));
+            pen.line(points.collect::<Vec<_>>(), colour(n), 2)?;
             debug_assert!(!s.name.is_empty());
         }
         let mut taken: Vec<[i32; 4]> = self.shown().map(|(_, p)| around(place(p), 7)).collect();
         for (n, p) in self.shown() {
-            let colour = COLOURS[n % COLOURS.len()];
-            root.draw(&Circle::new(place(p), 5, colour.filled())).map_err(text)?;
+            pen.dot(place(p), 5, colour(n))?;
             let at = free_place(&p.name, place(p), [left, top, right, bottom], &mut taken);
             if (at.0 - place(p).0).abs() > 60 + 4 * p.name.chars().count() as i32 || (at.1 - place(p).1).abs() > 24 {
-                line(place(p), at, RGBColor(170, 170, 170))?;
+                pen.line([place(p), at], RGBColor(170, 170, 170), 1)?;
             }
-            put(&p.name, at, LABEL, &colour, Pos::new(HPos::Center, VPos::Center))?;
+            pen.text(&p.name, at, LABEL, colour(n), (HPos::Center, VPos::Center))?;
         }
-        root.present().map_err(text)?;
-        drop(root);
         Ok(())
     }
 
-    /// Places the legend's entries in rows above the plot, with that of the front last.
-    fn legend(
-        &self,
-        mut put: impl FnMut(&str, (i32, i32), RGBColor) -> std::result::Result<(), String>,
-    ) -> std::result::Result<(), String> {
+    /// Draws the legend's entries in rows above the plot, with that of the front last.
+    fn legend(&self, pen: &Pen<'_>) -> Drawn {
         let mut at = (MARGIN[0] + 6, 40);
-        let named = self.series.iter().enumerate().map(|(n, s)| (s.name.as_str(), COLOURS[n % COLOURS.len()]));
-        let front = self.front.then_some(("no other point is better in both", RGBColor(216, 216, 216)));
+        let named = self.series.iter().enumerate().map(|(n, s)| (s.name.as_str(), colour(n)));
+        let front = self.front.then_some(("no other point is better in both", FRONT));
         for (name, colour) in named.chain(front) {
-            if at.0 + width(name, 14) > SIZE.0 as i32 {
+            if at.0 + width(name, 14) > SIZE.0 {
                 at = (MARGIN[0] + 6, at.1 + 20);
             }
-            put(name, at, colour)?;
+            pen.dot(at, 5, colour)?;
+            pen.text(name, (at.0 + 10, at.1), 15, INK, (HPos::Left, VPos::Center))?;
             at.0 += 32 + width(name, 14);
         }
         Ok(())
@@ -191,12 +190,12 @@ fn width(s: &str, px: i32) -> i32 {
     s.chars().count() as i32 * px * 50 / 100
 }
 
-fn around((x, y): (i32, i32), by: i32) -> [i32; 4] {
+fn around((x, y): Place, by: i32) -> [i32; 4] {
     [x - by, y - by, x + by, y + by]
 }
 
 /// Finds and reserves a position for a point's name, nearby, where it covers nothing. Falls back to the nearest position.
-fn free_place(name: &str, (x, y): (i32, i32), within: [i32; 4], taken: &mut Vec<[i32; 4]>) -> (i32, i32) {
+fn free_place(name: &str, (x, y): Place, within: [i32; 4], taken: &mut Vec<[i32; 4]>) -> Place {
     let (w, h) = (width(name, LABEL) / 2, LABEL / 2 + 1);
     let beside = w + 10;
     let candidates = (0..30).flat_map(|ring| {
@@ -209,7 +208,7 @@ fn free_place(name: &str, (x, y): (i32, i32), within: [i32; 4], taken: &mut Vec<
         }
         places.into_iter().map(move |(dx, dy)| (x + dx, y + dy))
     });
-    let room = |&(cx, cy): &(i32, i32)| {
+    let room = |&(cx, cy): &Place| {
         let b = [cx - w, cy - h, cx + w, cy + h];
         let inside = b[0] >= within[0] + 2 && b[1] >= within[1] + 2 && b[2] <= within[2] - 2 && b[3] <= within[3] - 2;
         inside && !taken.iter().any(|t| b[0] < t[2] && t[0] < b[2] && b[1] < t[3] && t[1] < b[3])

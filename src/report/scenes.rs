@@ -20,7 +20,7 @@ use crate::systems::sense;
 
 use super::page::Page;
 use super::plot::{Plot, Point, Series};
-use super::table::{Cell, Table};
+use super::table::{Table, table};
 use super::{Effort, median};
 
 /// Number of steps between two readings of the clock.
@@ -239,22 +239,17 @@ fn write(
         volume as f64 / MIB
     ));
     let mut findings = findings(full, &parts);
-    for f in &findings {
-        page.finding(f);
-    }
+    page.findings(&findings);
     page.section("Scenes");
-    let mut t = Table::new(&["scene", "systems", "bytes", "step / µs", "frame / ms", "scene made in / ms"]);
-    for c in &whole {
-        t.row(vec![
-            c.name.as_str().into(),
-            Cell::Number(c.systems as f64, 0),
-            Cell::Number(c.bytes, 0),
-            Cell::Number(c.step_us, 1),
-            c.frame_ms.map(|ms| Cell::Number(ms, 2)).into(),
-            Cell::Number(c.scene_ms, 3),
-        ]);
-    }
-    page.table("scenes", &t)?;
+    let table = table!(for c in &whole;
+        "scene" => &c.name,
+        "systems" => c.systems,
+        "bytes" => (c.bytes, 0),
+        "step / µs" => (c.step_us, 1),
+        "frame / ms" => (c.frame_ms, 2),
+        "scene made in / ms" => (c.scene_ms, 3),
+    );
+    page.table("scenes", &table)?;
     if let Some((table, finding)) = tentacles(full, pixels) {
         page.section("What the paper says of tentacles");
         page.table("tentacles", &table)?;
@@ -262,54 +257,41 @@ fn write(
         findings.push(finding);
     }
     page.section("What the light at the camera costs");
-    let mut t = Table::new(&["light", "frame / ms", "more than the headlight / ms", "share / %"]);
-    for c in &lights {
-        let (Some(plain), Some(ms)) = (full.frame_ms, c.frame_ms) else { continue };
-        t.row(vec![
-            c.name.trim_start_matches("light ").into(),
-            Cell::Number(ms, 2),
-            Cell::Number(ms - plain, 2),
-            Cell::Number(100.0 * (ms / plain - 1.0), 1),
-        ]);
-    }
-    page.table("lights", &t)?;
+    let lights = lights.iter().filter_map(|c| Some((c, full.frame_ms?, c.frame_ms?)));
+    let table = table!(for (c, plain, ms) in lights;
+        "light" => c.name.trim_start_matches("light "),
+        "frame / ms" => (ms, 2),
+        "more than the headlight / ms" => (ms - plain, 2),
+        "share / %" => (100.0 * (ms / plain - 1.0), 1),
+    );
+    page.table("lights", &table)?;
     page.section("What each part left out of everything saves");
-    let mut t = Table::new(&["left out", "systems", "bytes", "step / µs", "frame / ms", "scene made in / ms"]);
-    for c in &parts {
-        let frame = match (full.frame_ms, c.frame_ms) {
-            (Some(a), b) => Some(Cell::Number(a - b.unwrap_or(0.0), 2)),
-            _ => None,
-        };
-        t.row(vec![
-            c.name.trim_start_matches("without ").into(),
-            Cell::Number(full.systems as f64 - c.systems as f64, 0),
-            Cell::Number(full.bytes - c.bytes, 0),
-            Cell::Number(full.step_us - c.step_us, 1),
-            frame.into(),
-            Cell::Number(full.scene_ms - c.scene_ms, 3),
-        ]);
-    }
-    page.table("parts", &t)?;
+    let table = table!(for c in &parts;
+        "left out" => c.name.trim_start_matches("without "),
+        "systems" => (full.systems as f64 - c.systems as f64, 0),
+        "bytes" => (full.bytes - c.bytes, 0),
+        "step / µs" => (full.step_us - c.step_us, 1),
+        "frame / ms" => (full.frame_ms.map(|ms| ms - c.frame_ms.unwrap_or(0.0)), 2),
+        "scene made in / ms" => (full.scene_ms - c.scene_ms, 3),
+    );
+    page.table("parts", &table)?;
     page.text("Savings are differences of two medians: values near 0 are within their scatter and may be negative.");
     let points = |all: &[&Cost]| {
         all.iter().map(|c| Point { x: c.bytes / MIB, y: c.step_us, name: c.name.clone() }).collect::<Vec<_>>()
     };
     let series = |name: &str, all: &[&Cost]| Series { name: name.to_owned(), points: points(all), line: false };
-    let plot = Plot {
-        title: "A simulation step against memory".to_owned(),
-        x: "memory beside the volume / MiB".to_owned(),
-        y: "step / µs".to_owned(),
-        front: false,
-        series: vec![series("scenes", &whole), series("everything but one part", &parts)],
-    };
+    let series = vec![series("scenes", &whole), series("everything but one part", &parts)];
+    let title = "A simulation step against memory";
+    let plot = Plot::new(title, "memory beside the volume / MiB", "step / µs", series);
     page.plot("steps", &plot, "Less is better in both.")?;
     page.section("Built before the first step");
-    let mut t = Table::new(&["part", "bytes", "share of the volume", "time / s"]);
-    for &(part, bytes, s) in built {
-        let share = Cell::Number(bytes as f64 / volume as f64, 4);
-        t.row(vec![part.into(), Cell::Number(bytes as f64, 0), share, Cell::Number(s, 4)]);
-    }
-    page.table("built", &t)?;
+    let table = table!(for &(part, bytes, s) in built;
+        "part" => part,
+        "bytes" => bytes,
+        "share of the volume" => (bytes as f64 / volume as f64, 4),
+        "time / s" => (s, 4),
+    );
+    page.table("built", &table)?;
     page.finish()?;
     Ok(findings)
 }
@@ -320,22 +302,21 @@ fn tentacles(full: &Cost, pixels: usize) -> Option<(Table, String)> {
     let ((count, sense_us), frame_ms) = (full.sense?, full.frame_ms?);
     let steps = f64::from(STEP_HZ) / FPS;
     let share = 100.0 * steps * sense_us / (1e3 * frame_ms);
-    let mut t =
-        Table::new(&["the paper", "sensory rays", "cast in / µs", "a picture's pixels", "traced in / ms", "share / %"]);
-    t.row(vec![
-        "Casting these sensory rays is negligible overhead to the thousands of rays traced for rendering the scene."
-            .into(),
-        Cell::Number(count as f64, 0),
-        Cell::Number(sense_us, 1),
-        Cell::Number((pixels * pixels) as f64, 0),
-        Cell::Number(frame_ms, 2),
-        Cell::Number(share, 2),
-    ]);
+    let said =
+        "Casting these sensory rays is negligible overhead to the thousands of rays traced for rendering the scene.";
+    let table = table!(for said in [said];
+        "the paper" => said,
+        "sensory rays" => count,
+        "cast in / µs" => (sense_us, 1),
+        "a picture's pixels" => pixels * pixels,
+        "traced in / ms" => (frame_ms, 2),
+        "share / %" => (share, 2),
+    );
     let finding = format!(
         "Casting {count} tentacles takes {sense_us:.0} µs, and at {FPS:.0} pictures a second {share:.1} % of what a picture of {pixels} × {pixels} \
          pixels takes; the paper calls it negligible."
     );
-    Some((t, finding))
+    Some((table, finding))
 }
 
 /// Returns the findings, in two sentences.

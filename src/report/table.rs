@@ -25,11 +25,70 @@ impl From<String> for Cell {
     }
 }
 
-impl From<Option<Cell>> for Cell {
-    fn from(c: Option<Cell>) -> Self {
-        c.unwrap_or(Self::None)
+impl From<&String> for Cell {
+    fn from(s: &String) -> Self {
+        Self::Text(s.clone())
     }
 }
+
+impl From<bool> for Cell {
+    fn from(yes: bool) -> Self {
+        if yes { "yes" } else { "no" }.into()
+    }
+}
+
+impl From<usize> for Cell {
+    fn from(count: usize) -> Self {
+        Self::Number(count as f64, 0)
+    }
+}
+
+/// A number and its decimals for display.
+impl From<(f64, usize)> for Cell {
+    fn from((v, digits): (f64, usize)) -> Self {
+        Self::Number(v, digits)
+    }
+}
+
+impl From<(Option<f64>, usize)> for Cell {
+    fn from((v, digits): (Option<f64>, usize)) -> Self {
+        v.map(|v| (v, digits)).into()
+    }
+}
+
+impl<C: Into<Cell>> From<Option<C>> for Cell {
+    fn from(c: Option<C>) -> Self {
+        c.map_or(Self::None, Into::into)
+    }
+}
+
+/// Returns a number with its decimals; not measured if it is NaN.
+pub(crate) fn known(v: f64, digits: usize) -> Cell {
+    (Some(v).filter(|v| !v.is_nan()), digits).into()
+}
+
+/// Returns a number with its decimals; not measured if it is NaN or infinite.
+pub(crate) fn finite(v: f64, digits: usize) -> Cell {
+    (Some(v).filter(|v| v.is_finite()), digits).into()
+}
+
+/// The cells of a row, each from a text, a count, a bool, or a number with its decimals.
+macro_rules! row {
+    ($($cell:expr),+ $(,)?) => { vec![$($crate::report::table::Cell::from($cell)),+] };
+}
+
+/// A table with each column beside its cell: `table!(for ROW in ROWS; let NAME = VALUE; "column / mm" => CELL, …)`.
+macro_rules! table {
+    (for $row:pat in $rows:expr; $(let $name:pat = $value:expr;)* $($column:literal => $cell:expr),+ $(,)?) => {{
+        let mut t = $crate::report::table::Table::new(&[$($column),+]);
+        for $row in $rows {
+            $(let $name = $value;)*
+            t.row($crate::report::table::row![$($cell),+]);
+        }
+        t
+    }};
+}
+pub(crate) use {row, table};
 
 /// A table. Units are part of the column names.
 #[derive(Clone, Debug, Default, PartialEq)]

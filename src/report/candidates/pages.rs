@@ -9,7 +9,7 @@ use crate::phantom::{DecoyKind, PolypShape, PolypSite, TruePolyp};
 use crate::polyps::FEATURES;
 use crate::report::page::Page;
 use crate::report::plot::{Plot, Point, Series};
-use crate::report::table::{Cell, Table};
+use crate::report::table::{Cell, Table, finite, row, table};
 use crate::report::{mean, quantile};
 
 /// False positives a scan at which the tables tell the sensitivity.
@@ -73,9 +73,7 @@ pub(super) fn write(
          patients.",
     ));
     let findings = findings(usual);
-    for f in &findings {
-        page.finding(f);
-    }
+    page.findings(&findings);
     page.section("Sensitivity against false positives");
     page.plot("froc", &curves(usual), "Sessile and stalked polyps from 6 mm. Lower and farther left is better.")?;
     page.table("sensitivity", &sensitivity(usual))?;
@@ -108,21 +106,12 @@ fn curves(all: &[Measured]) -> Plot {
             let score = threshold(&m.trials, rate);
             let missed = 1.0 - Share::at(&m.trials, score, is_due).value();
             // A logarithmic axis has no 0: half a polyp.
-            Point { x: rate, y: 100.0 * missed.max(0.5 / count), name: String::new() }
+            Point::at(rate, 100.0 * missed.max(0.5 / count))
         };
-        Series { name: m.detector.to_owned(), points: rates.map(point).collect(), line: true }
+        Series::line(m.detector, rates.map(point))
     });
-    Plot {
-        title: "Missed polyps against false positives".to_owned(),
-        x: "false positives a scan".to_owned(),
-        y: "missed / %".to_owned(),
-        front: false,
-        series: series.collect(),
-    }
-}
-
-fn number(value: f64, digits: usize) -> Cell {
-    Cell::from(value.is_finite().then_some(Cell::Number(value, digits)))
+    let title = "Missed polyps against false positives";
+    Plot::new(title, "false positives a scan", "missed / %", series.collect())
 }
 
 fn sensitivity(all: &[Measured]) -> Table {
@@ -135,10 +124,10 @@ fn sensitivity(all: &[Measured]) -> Table {
         for (name, group) in groups() {
             let at = |rate: f64| Share::at(&m.trials, threshold(&m.trials, rate), &group);
             let [low, high] = at(RATE).interval();
-            let mut row: Vec<Cell> = vec![m.detector.into(), name.into(), Cell::Number(at(RATE).of as f64, 0)];
-            row.extend(RATES.iter().map(|&r| number(100.0 * at(r).value(), 1)));
-            row.extend([low, high].map(|x| number(100.0 * x, 1)));
-            row.push(number(100.0 * Share::at(&m.trials, f64::NEG_INFINITY, &group).value(), 1));
+            let mut row = row![m.detector, name, at(RATE).of];
+            let any = Share::at(&m.trials, f64::NEG_INFINITY, &group).value();
+            let shares = RATES.iter().map(|&r| at(r).value()).chain([low, high, any]);
+            row.extend(shares.map(|share| finite(100.0 * share, 1)));
             t.row(row);
         }
     }
@@ -164,47 +153,31 @@ fn deviation(values: &[f64]) -> f64 {
 }
 
 fn measures(all: &[Measured]) -> Table {
-    let mut t = Table::new(&[
-        "detector",
-        "polyps",
-        "measured",
-        "diameter: bias / mm",
-        "SD / mm",
-        "68 % within / mm",
-        "95 % within / mm",
-        "worst / mm",
-        "height: bias / mm",
-        "SD / mm",
-        "volume: median error / %",
-        "95 % within / %",
-    ]);
-    for m in all {
-        for (name, group) in groups() {
+    let groups = all.iter().flat_map(|m| {
+        let each = groups().into_iter().map(move |(name, group)| {
             let diameter = errors(m, &group, |p, l| Some(l.diameter_mm - p.diameter_mm));
-            if diameter.is_empty() {
-                continue;
-            }
             let height = errors(m, &group, |p, l| Some(l.height_mm - p.height_mm?));
             let volume = errors(m, &group, |p, l| Some(100.0 * (l.volume_mm3 / p.volume_mm3? - 1.0)));
-            let size = |v: &[f64]| v.iter().map(|x| x.abs()).collect::<Vec<_>>();
-            let worst = diameter.iter().copied().fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a });
-            t.row(vec![
-                m.detector.into(),
-                name.into(),
-                Cell::Number(diameter.len() as f64, 0),
-                number(mean(&diameter), 2),
-                number(deviation(&diameter), 2),
-                number(quantile(&size(&diameter), 0.68), 2),
-                number(quantile(&size(&diameter), 0.95), 2),
-                number(worst, 2),
-                number(mean(&height), 2),
-                number(deviation(&height), 2),
-                number(quantile(&volume, 0.5), 1),
-                number(quantile(&size(&volume), 0.95), 1),
-            ]);
-        }
-    }
-    t
+            (m.detector, name, diameter, height, volume)
+        });
+        each.filter(|g| !g.2.is_empty())
+    });
+    let size = |v: &[f64]| v.iter().map(|x| x.abs()).collect::<Vec<_>>();
+    let worst = |v: &[f64]| v.iter().copied().fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a });
+    table!(for (detector, name, diameter, height, volume) in groups;
+        "detector" => detector,
+        "polyps" => name,
+        "measured" => diameter.len(),
+        "diameter: bias / mm" => finite(mean(&diameter), 2),
+        "SD / mm" => finite(deviation(&diameter), 2),
+        "68 % within / mm" => finite(quantile(&size(&diameter), 0.68), 2),
+        "95 % within / mm" => finite(quantile(&size(&diameter), 0.95), 2),
+        "worst / mm" => finite(worst(&diameter), 2),
+        "height: bias / mm" => finite(mean(&height), 2),
+        "SD / mm" => finite(deviation(&height), 2),
+        "volume: median error / %" => finite(quantile(&volume, 0.5), 1),
+        "95 % within / %" => finite(quantile(&size(&volume), 0.95), 1),
+    )
 }
 
 fn decoys(all: &[Measured]) -> Table {
@@ -212,7 +185,7 @@ fn decoys(all: &[Measured]) -> Table {
     for m in all {
         let score = threshold(&m.trials, RATE);
         for (kind, name) in KINDS {
-            let (mut of, mut taken, mut any) = (0, 0, 0);
+            let (mut of, mut taken, mut any) = (0usize, 0usize, 0usize);
             for trial in &m.trials {
                 for (n, _) in trial.decoys.iter().enumerate().filter(|d| d.1.kind == kind) {
                     of += 1;
@@ -220,14 +193,11 @@ fn decoys(all: &[Measured]) -> Table {
                     any += usize::from(trial.decoy(n).is_some());
                 }
             }
-            let numbers = [of, taken, any].map(|n| Cell::Number(n as f64, 0));
-            t.row([m.detector.into(), name.into()].into_iter().chain(numbers).collect());
+            t.row(row![m.detector, name, of, taken, any]);
         }
-        let others = |is: &Is| *is == Is::Other;
-        let other = m.trials.iter().flat_map(|t| &t.found).filter(|f| others(&f.1));
+        let other = m.trials.iter().flat_map(|t| &t.found).filter(|f| f.1 == Is::Other);
         let taken = other.clone().filter(|f| f.0.score >= score).count();
-        let numbers = [Cell::None, Cell::Number(taken as f64, 0), Cell::Number(other.count() as f64, 0)];
-        t.row([m.detector.into(), "wall, no decoy".into()].into_iter().chain(numbers).collect());
+        t.row(row![m.detector, "wall, no decoy", Cell::None, taken, other.count()]);
     }
     t
 }
@@ -243,8 +213,8 @@ fn features(all: &[Measured]) -> Table {
                 return;
             }
             let median = |n: usize| quantile(&lesions.iter().map(|l| l.features[n]).collect::<Vec<_>>(), 0.5);
-            let medians = (0..FEATURES.len()).map(|n| number(median(n), 3));
-            t.row([m.detector.into(), name.into()].into_iter().chain(medians).collect());
+            let medians = (0..FEATURES.len()).map(|n| finite(median(n), 3));
+            t.row(row![m.detector, name].into_iter().chain(medians).collect());
         };
         let best = m.trials.iter().flat_map(|t| (0..t.polyps.len()).filter_map(|n| t.best(n)?.lesion.as_ref()));
         row("polyps", best.collect());
@@ -263,43 +233,26 @@ fn features(all: &[Measured]) -> Table {
 }
 
 fn by_factor(usual: &[Measured], steps: &[Step], name: &str) -> Table {
-    let mut t = Table::new(&[
-        "value",
-        "detector",
-        "number",
-        "found at 2 a scan / %",
-        "from / %",
-        "to / %",
-        "3-5 mm / %",
-        "flat / %",
-        "false positives with the usual score",
-        "time / s",
-    ]);
-    for step in steps.iter().filter(|s| s.name == name) {
-        for m in &step.measured {
-            let score = threshold(&m.trials, RATE);
-            // What a reader would have chosen on the usual scans.
-            let as_usual =
-                usual.iter().find(|u| u.detector == m.detector).map_or(score, |u| threshold(&u.trials, RATE));
-            let due = Share::at(&m.trials, score, is_due);
-            let [low, high] = due.interval();
-            let small = Share::at(&m.trials, score, |p| p.diameter_mm < 6.0 && p.shape != PolypShape::Flat);
-            let flat = Share::at(&m.trials, score, |p| p.shape == PolypShape::Flat);
-            t.row(vec![
-                format!("{} {}", step.value, step.unit).into(),
-                m.detector.into(),
-                Cell::Number(due.of as f64, 0),
-                number(100.0 * due.value(), 1),
-                number(100.0 * low, 1),
-                number(100.0 * high, 1),
-                number(100.0 * small.value(), 1),
-                number(100.0 * flat.value(), 1),
-                number(false_positives(&m.trials, as_usual), 2),
-                number(m.seconds, 2),
-            ]);
-        }
-    }
-    t
+    let steps = steps.iter().filter(|s| s.name == name).flat_map(|s| s.measured.iter().map(move |m| (s, m)));
+    table!(for (step, m) in steps;
+        let score = threshold(&m.trials, RATE);
+        // What a reader would have chosen on the usual scans.
+        let as_usual = usual.iter().find(|u| u.detector == m.detector).map_or(score, |u| threshold(&u.trials, RATE));
+        let due = Share::at(&m.trials, score, is_due);
+        let [low, high] = due.interval();
+        let small = Share::at(&m.trials, score, |p| p.diameter_mm < 6.0 && p.shape != PolypShape::Flat);
+        let flat = Share::at(&m.trials, score, |p| p.shape == PolypShape::Flat);
+        "value" => format!("{} {}", step.value, step.unit),
+        "detector" => m.detector,
+        "number" => due.of,
+        "found at 2 a scan / %" => finite(100.0 * due.value(), 1),
+        "from / %" => finite(100.0 * low, 1),
+        "to / %" => finite(100.0 * high, 1),
+        "3-5 mm / %" => finite(100.0 * small.value(), 1),
+        "flat / %" => finite(100.0 * flat.value(), 1),
+        "false positives with the usual score" => finite(false_positives(&m.trials, as_usual), 2),
+        "time / s" => finite(m.seconds, 2),
+    )
 }
 
 fn every(all: &[Measured]) -> Table {
@@ -309,26 +262,18 @@ fn every(all: &[Measured]) -> Table {
     for m in all {
         for (scan, trial) in m.trials.iter().enumerate() {
             for (c, is) in &trial.found {
-                let (what, number): (&str, Cell) = match is {
-                    Is::Polyp(n) => ("polyp", Cell::Number(*n as f64, 0)),
+                let (what, number) = match is {
+                    Is::Polyp(n) => ("polyp", Some(*n)),
                     Is::Decoy(n) => {
                         let kind = trial.decoys[*n].kind;
-                        (KINDS.iter().find(|k| k.0 == kind).map_or("", |k| k.1), Cell::Number(*n as f64, 0))
+                        (KINDS.iter().find(|k| k.0 == kind).map_or("", |k| k.1), Some(*n))
                     }
-                    Is::Other => ("other", Cell::None),
+                    Is::Other => ("other", None),
                 };
-                let mut row = vec![
-                    m.detector.into(),
-                    Cell::Number(scan as f64, 0),
-                    Cell::Number(c.score, 4),
-                    what.into(),
-                    number,
-                ];
-                row.extend(c.position.to_array().map(|x| Cell::Number(x, 2)));
-                match &c.lesion {
-                    Some(l) => row.extend(l.features.map(|f| Cell::Number(f, 4))),
-                    None => row.extend(FEATURES.map(|_| Cell::None)),
-                }
+                let [x, y, z] = c.position.to_array().map(|x| (x, 2));
+                let mut row = row![m.detector, scan, (c.score, 4), what, number, x, y, z];
+                let features = c.lesion.as_ref().map(|l| l.features);
+                row.extend((0..FEATURES.len()).map(|n| Cell::from((features.map(|f| f[n]), 4))));
                 t.row(row);
             }
         }

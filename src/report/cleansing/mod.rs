@@ -15,7 +15,7 @@ use crate::volume::Grid;
 
 use super::page::Page;
 use super::plot::{Plot, Point, Series};
-use super::table::{Cell, Table};
+use super::table::{Table, finite, table};
 use super::{Effort, mean};
 use measure::{Outcome, Part, Subject};
 use methods::METHODS;
@@ -148,110 +148,67 @@ fn write(all: &[Measured], folder: &Path) -> Result<Vec<String>> {
          the lumen, more than that from any wall, as a ghost. Dry walls show what noise and sampling alone do.",
     );
     let findings = findings(all);
-    for f in &findings {
-        page.finding(f);
-    }
+    page.findings(&findings);
     page.section("By part of the wall");
     page.table("parts", &parts_table(all))?;
     page.section("Ghosts, polyps, time");
     page.table("methods", &methods_table(all))?;
     for factor in FACTORS.iter().filter(|f| all.iter().any(|m| m.factor.is_some_and(|(name, _)| name == f.name))) {
         page.section(&format!("Against {}", factor.name));
-        page.plot(
-            &format!("normals-{}", factor.name),
-            &factor_plot(all, factor),
-            "Small phantoms; all else as usual.",
-        )?;
+        let file = format!("normals-{}", factor.name);
+        page.plot(&file, &factor_plot(all, factor), "Small phantoms; all else as usual.")?;
     }
     page.finish()?;
     Ok(findings)
 }
 
+/// Returns all outcomes, with their phantoms.
+fn outcomes(all: &[Measured]) -> impl Iterator<Item = (&Measured, &Outcome)> {
+    all.iter().flat_map(|m| m.outcomes.iter().map(move |o| (m, o)))
+}
+
 fn parts_table(all: &[Measured]) -> Table {
-    let mut t = Table::new(&[
-        "phantom",
-        "method",
-        "wall",
-        "places",
-        "mean position error / mm",
-        "95 % / mm",
-        "mean normal error / degrees",
-        "95 % / degrees",
-        "missing / %",
-    ]);
     // Without a single wall there is no error of it.
-    let number = |value: f64, digits| Cell::from(value.is_finite().then_some(Cell::Number(value, digits)));
-    for m in all {
-        for o in &m.outcomes {
-            for (part, e) in &o.parts {
-                let names: [Cell; 3] = [m.title.as_str().into(), o.method.into(), part.name().into()];
-                let numbers = [
-                    Cell::Number(e.places as f64, 0),
-                    number(e.mean_mm, 3),
-                    number(e.p95_mm, 3),
-                    number(e.mean_degrees, 1),
-                    number(e.p95_degrees, 1),
-                    Cell::Number(100.0 * e.missing, 2),
-                ];
-                t.row(names.into_iter().chain(numbers).collect());
-            }
-        }
-    }
-    t
+    table!(for (m, o, (part, e)) in outcomes(all).flat_map(|(m, o)| o.parts.iter().map(move |p| (m, o, p)));
+        "phantom" => &m.title,
+        "method" => o.method,
+        "wall" => part.name(),
+        "places" => e.places,
+        "mean position error / mm" => finite(e.mean_mm, 3),
+        "95 % / mm" => finite(e.p95_mm, 3),
+        "mean normal error / degrees" => finite(e.mean_degrees, 1),
+        "95 % / degrees" => finite(e.p95_degrees, 1),
+        "missing / %" => (100.0 * e.missing, 2),
+    )
 }
 
 fn methods_table(all: &[Measured]) -> Table {
-    let mut t = Table::new(&[
-        "phantom",
-        "method",
-        "ghosts / % of the surface",
-        "polyps under fluid, 6 mm and more",
-        "largest error of their volume / %",
-        "time / s",
-        "memory / MB",
-    ]);
-    for m in all {
-        for o in &m.outcomes {
-            t.row(vec![
-                m.title.as_str().into(),
-                o.method.into(),
-                Cell::Number(100.0 * o.ghosts, 3),
-                Cell::Number(m.polyps as f64, 0),
-                Cell::Number(100.0 * o.polyp_volume, 1),
-                Cell::Number(o.seconds, 3),
-                o.megabytes.map(|mb| Cell::Number(mb, 0)).into(),
-            ]);
-        }
-    }
-    t
+    table!(for (m, o) in outcomes(all);
+        "phantom" => &m.title,
+        "method" => o.method,
+        "ghosts / % of the surface" => (100.0 * o.ghosts, 3),
+        "polyps under fluid, 6 mm and more" => m.polyps,
+        "largest error of their volume / %" => (100.0 * o.polyp_volume, 1),
+        "time / s" => (o.seconds, 3),
+        "memory / MB" => (o.megabytes, 0),
+    )
 }
 
 /// Plots the normals' errors over a factor, with a line for each method and part.
 fn factor_plot(all: &[Measured], factor: &Factor) -> Plot {
-    let mut series = Vec::new();
-    for method in &METHODS {
-        for part in PLOTTED {
-            let points = all.iter().filter_map(|m| {
-                let (_, value) = m.factor.filter(|(name, _)| *name == factor.name)?;
-                let outcome = m.outcomes.iter().find(|o| o.method == method.name)?;
-                let errors = outcome.parts.get(&part)?;
-                // A logarithmic axis has no 0.
-                Some(Point { x: value.max(1.0e-1), y: errors.mean_degrees, name: String::new() })
-            });
-            series.push(Series {
-                name: format!("{}, {}", method.name, part.name()),
-                points: points.collect(),
-                line: true,
-            });
-        }
-    }
-    Plot {
-        title: format!("Normals under tag against {}", factor.name),
-        x: format!("{} / {}", factor.name, factor.unit),
-        y: "mean angular error / degrees".to_owned(),
-        front: false,
-        series,
-    }
+    let lines = METHODS.iter().flat_map(|method| PLOTTED.map(|part| (method, part)));
+    let series = lines.map(|(method, part)| {
+        let points = all.iter().filter_map(|m| {
+            let (_, value) = m.factor.filter(|(name, _)| *name == factor.name)?;
+            let outcome = m.outcomes.iter().find(|o| o.method == method.name)?;
+            // A logarithmic axis has no 0.
+            Some(Point::at(value.max(1.0e-1), outcome.parts.get(&part)?.mean_degrees))
+        });
+        Series::line(format!("{}, {}", method.name, part.name()), points)
+    });
+    let (title, x) =
+        (format!("Normals under tag against {}", factor.name), format!("{} / {}", factor.name, factor.unit));
+    Plot::new(title, x, "mean angular error / degrees", series.collect())
 }
 
 /// Returns the mean over the phantoms of the first part of what `of` returns for a method.

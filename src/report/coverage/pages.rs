@@ -8,7 +8,7 @@ use crate::components::flight::State;
 use crate::error::Result;
 use crate::report::dots::Dots;
 use crate::report::page::Page;
-use crate::report::table::{Cell, Table};
+use crate::report::table::{Table, table};
 
 /// Shares of a study of 223 patients at 90°: one way, both ways, and after patches of at least 300 mm² that were missed had been looked
 /// at (Pickhardt, Taylor and Gopal, Gastroenterology, 2006).
@@ -62,9 +62,7 @@ pub(super) fn write(all: &[Measured], folder: &Path) -> Result<Vec<String>> {
             with - without
         )
     }));
-    for f in &findings {
-        page.finding(f);
-    }
+    page.findings(&findings);
     page.section("Shares");
     page.dots("shares", &dots(all), "Dots of a flight share a line. Vertical lines are the study's values at 90°.")?;
     page.table("flights", &flights(all))?;
@@ -102,8 +100,8 @@ pub(super) fn write(all: &[Measured], folder: &Path) -> Result<Vec<String>> {
     Ok(findings)
 }
 
-fn percent(share: f64) -> Cell {
-    Cell::Number(100.0 * share, 1)
+fn percent(share: f64) -> (f64, usize) {
+    (100.0 * share, 1)
 }
 
 /// Returns the planned flight in pictures of 90°.
@@ -127,14 +125,8 @@ fn dots(all: &[Measured]) -> Dots {
     let line = |m: &Measured, r: &Run| {
         let seen_at_all = (r.guide == PATH).then_some(m.visible.share);
         let [ahead, both] = [&r.reviewed[0], &r.reviewed[1]].map(|r| Some(r.share));
-        let shares = vec![
-            Some(r.coverage.one_way),
-            Some(r.coverage.both_ways),
-            Some(r.there_and_back),
-            ahead,
-            both,
-            seen_at_all,
-        ];
+        let [one, two, flown] = [r.coverage.one_way, r.coverage.both_ways, r.there_and_back].map(Some);
+        let shares = vec![one, two, flown, ahead, both, seen_at_all];
         (format!("{}, {}, {:.0}°", m.title, r.guide, r.fov_degrees), shares)
     };
     Dots {
@@ -147,158 +139,100 @@ fn dots(all: &[Measured]) -> Dots {
 }
 
 fn flights(all: &[Measured]) -> Table {
-    let mut t = Table::new(&[
-        "volume",
-        "guide",
-        "view angle / degrees",
-        "arrives",
-        "length / mm",
-        "wall / cm²",
-        "one way / %",
-        "same places, both ways / %",
-        "flown there and back / %",
-        "missed patches of 300 mm² or more",
-        "their area / cm²",
-        "one way, reviewed / %",
-        "views added",
-        "there and back, reviewed / %",
-        "views added then",
-        "can be seen at all / %",
-    ]);
-    for (m, r) in all.iter().flat_map(|m| m.runs.iter().map(move |r| (m, r))) {
-        let count = |n: usize| Cell::Number(n as f64, 0);
-        t.row(vec![
-            m.title.as_str().into(),
-            r.guide.into(),
-            Cell::Number(r.fov_degrees, 0),
-            if r.state == State::Arrived { "yes" } else { "no" }.into(),
-            Cell::Number(r.length_mm, 0),
-            Cell::Number(0.01 * r.wall_mm2, 0),
-            percent(r.coverage.one_way),
-            percent(r.coverage.both_ways),
-            percent(r.there_and_back),
-            count(r.missed.0),
-            Cell::Number(0.01 * r.missed.1, 1),
-            percent(r.reviewed[0].share),
-            count(r.reviewed[0].views.len()),
-            percent(r.reviewed[1].share),
-            count(r.reviewed[1].views.len()),
-            (r.guide == PATH).then(|| percent(m.visible.share)).into(),
-        ]);
-    }
-    t
+    table!(for (m, r) in all.iter().flat_map(|m| m.runs.iter().map(move |r| (m, r)));
+        "volume" => &m.title,
+        "guide" => r.guide,
+        "view angle / degrees" => (r.fov_degrees, 0),
+        "arrives" => r.state == State::Arrived,
+        "length / mm" => (r.length_mm, 0),
+        "wall / cm²" => (0.01 * r.wall_mm2, 0),
+        "one way / %" => percent(r.coverage.one_way),
+        "same places, both ways / %" => percent(r.coverage.both_ways),
+        "flown there and back / %" => percent(r.there_and_back),
+        "missed patches of 300 mm² or more" => r.missed.0,
+        "their area / cm²" => (0.01 * r.missed.1, 1),
+        "one way, reviewed / %" => percent(r.reviewed[0].share),
+        "views added" => r.reviewed[0].views.len(),
+        "there and back, reviewed / %" => percent(r.reviewed[1].share),
+        "views added then" => r.reviewed[1].views.len(),
+        "can be seen at all / %" => (r.guide == PATH).then(|| percent(m.visible.share)),
+    )
 }
 
 fn tours(all: &[Measured]) -> Table {
-    let mut t = Table::new(&[
-        "volume",
-        "seen before / %",
-        "seen after / %",
-        "tours",
-        "places",
-        "reached",
-        "length / mm",
-        "time / s",
-        "order / mm",
-        "best of 1,000 random orders / mm",
-        "planned in / s",
-    ]);
-    for m in all {
+    table!(for m in all;
         let r = &m.toured;
-        let mut row: Vec<Cell> = vec![m.title.as_str().into()];
-        row.extend(r.shares.map(percent));
-        row.extend([r.tours, r.stops, r.reached].map(|n| Cell::Number(n as f64, 0)));
-        row.extend([r.length_mm, r.seconds].map(|x| Cell::Number(x, 0)));
-        row.extend(r.orders_mm.map(|mm| Cell::Number(mm, 0)));
-        row.push(Cell::Number(r.planned_s, 2));
-        t.row(row);
-    }
-    t
+        "volume" => &m.title,
+        "seen before / %" => percent(r.shares[0]),
+        "seen after / %" => percent(r.shares[1]),
+        "tours" => r.tours,
+        "places" => r.stops,
+        "reached" => r.reached,
+        "length / mm" => (r.length_mm, 0),
+        "time / s" => (r.seconds, 0),
+        "order / mm" => (r.orders_mm[0], 0),
+        "best of 1,000 random orders / mm" => (r.orders_mm[1], 0),
+        "planned in / s" => (r.planned_s, 2),
+    )
 }
 
 fn visible(all: &[Measured]) -> Table {
-    let mut t = Table::new(&[
-        "volume",
-        "coarse grid / mm",
-        "places",
-        "seen / %",
-        "fine grid / mm",
-        "places there",
-        "seen from there / %",
-        "with the flights' places / %",
-        "time / s",
-    ]);
-    for m in all {
-        let mut row: Vec<Cell> = vec![m.title.as_str().into()];
-        for g in &m.visible.grids {
-            let (step, places) = (Cell::Number(g.step_mm, 0), Cell::Number(g.places as f64, 0));
-            row.extend([step, places, Cell::Number(100.0 * g.share, 2)]);
-        }
-        row.extend([Cell::Number(100.0 * m.visible.share, 2), Cell::Number(m.visible.seconds, 1)]);
-        t.row(row);
-    }
-    t
+    table!(for m in all;
+        let (v, [coarse, fine]) = (&m.visible, &m.visible.grids);
+        "volume" => &m.title,
+        "coarse grid / mm" => (coarse.step_mm, 0),
+        "places" => coarse.places,
+        "seen / %" => (100.0 * coarse.share, 2),
+        "fine grid / mm" => (fine.step_mm, 0),
+        "places there" => fine.places,
+        "seen from there / %" => (100.0 * fine.share, 2),
+        "with the flights' places / %" => (100.0 * v.share, 2),
+        "time / s" => (v.seconds, 1),
+    )
 }
 
 fn reasons(all: &[Measured]) -> Table {
-    let mut t = Table::new(&["volume", "not seen one way", "of the wall / %"]);
-    for m in all {
-        for r in &m.rest.reasons {
-            t.row(vec![m.title.as_str().into(), r.name.into(), Cell::Number(100.0 * r.share, 2)]);
-        }
-    }
-    t
+    table!(for (m, r) in all.iter().flat_map(|m| m.rest.reasons.iter().map(move |r| (m, r)));
+        "volume" => &m.title,
+        "not seen one way" => r.name,
+        "of the wall / %" => (100.0 * r.share, 2),
+    )
 }
 
 fn parts(all: &[Measured]) -> Table {
-    let mut t = Table::new(&[
-        "volume",
-        "criterion",
-        "part",
-        "of the wall / %",
-        "seen one way / %",
-        "same places, both ways / %",
-        "can be seen at all / %",
-        "of what was not seen one way / %",
-    ]);
-    for m in all {
-        for p in m.rest.parts.iter().filter(|p| p.share >= 5e-4) {
-            let names: [Cell; 3] = [m.title.as_str().into(), p.criterion.into(), p.name.as_str().into()];
-            let shares = [p.share, p.seen[0], p.seen[1], p.seen[2], p.of_rest].map(percent);
-            t.row(names.into_iter().chain(shares).collect());
-        }
-    }
-    t
+    let parts = all.iter().flat_map(|m| m.rest.parts.iter().map(move |p| (m, p)));
+    table!(for (m, p) in parts.filter(|(_, p)| p.share >= 5e-4);
+        "volume" => &m.title,
+        "criterion" => p.criterion,
+        "part" => &p.name,
+        "of the wall / %" => percent(p.share),
+        "seen one way / %" => percent(p.seen[0]),
+        "same places, both ways / %" => percent(p.seen[1]),
+        "can be seen at all / %" => percent(p.seen[2]),
+        "of what was not seen one way / %" => percent(p.of_rest),
+    )
 }
 
 fn cost(all: &[Measured]) -> Table {
-    let mut t = Table::new(&[
-        "volume",
-        "guide",
-        "live / %",
-        "afterwards / %",
-        "step without / ms",
-        "99 %",
-        "step with / ms",
-        "99 % with",
-        "live / MB",
-        "places of the flight",
-        "triangles",
-        "wall / MB",
-        "time afterwards / s",
-        "memory afterwards / MB",
-    ]);
-    for m in all {
+    let mb = |bytes: usize| (bytes as f64 / 1e6, 1);
+    table!(for m in all;
         let (l, c) = (&m.live, &m.cost);
-        let mb = |bytes: usize| Cell::Number(bytes as f64 / 1e6, 1);
-        let mut row: Vec<Cell> = vec![m.title.as_str().into(), l.guide.into()];
-        row.extend(l.shares.map(percent));
-        row.extend(l.steps_ms.iter().flatten().map(|&ms| Cell::Number(ms, 2)));
-        row.extend([mb(l.bytes), Cell::Number(c.places as f64, 0), Cell::Number(c.triangles as f64, 0)]);
-        row.extend([mb(c.wall_bytes), Cell::Number(c.seconds, 2), c.megabytes.map(|mb| Cell::Number(mb, 0)).into()]);
-        t.row(row);
-    }
-    t
+        let [without, with] = l.steps_ms;
+        "volume" => &m.title,
+        "guide" => l.guide,
+        "live / %" => percent(l.shares[0]),
+        "afterwards / %" => percent(l.shares[1]),
+        "step without / ms" => (without[0], 2),
+        "99 %" => (without[1], 2),
+        "step with / ms" => (with[0], 2),
+        "99 % with" => (with[1], 2),
+        "live / MB" => mb(l.bytes),
+        "places of the flight" => c.places,
+        "triangles" => c.triangles,
+        "wall / MB" => mb(c.wall_bytes),
+        "time afterwards / s" => (c.seconds, 2),
+        "memory afterwards / MB" => (c.megabytes, 0),
+    )
 }
 
 /// Says where the wall lies that the planned flight did not see in pictures of 90°, from the numbers alone.

@@ -19,7 +19,7 @@ use crate::fields::ClearanceFinder;
 use crate::phantom::{Phantom, PhantomSettings, Size};
 use crate::progress::Progress;
 use crate::report::page::Page;
-use crate::report::table::{Cell, Table};
+use crate::report::table::{Table, row};
 use crate::report::{Effort, median, quantile};
 
 /// Duration of a flight, s.
@@ -59,8 +59,7 @@ pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> 
             added = added.max(on - off);
             let slid = errors(&fly(method, push, h, Clamp::On).0, &pushed)[0];
             let deepest = fly(method, push, h, Clamp::Off).1;
-            let cells = [h, off, on, slid, deepest].map(|v| Cell::Number(v, 4));
-            t.row(std::iter::once(name.into()).chain(cells).collect());
+            t.row(row![name, (h, 4), (off, 4), (on, 4), (slid, 4), (deepest, 4)]);
         }
         progress.check()?;
     }

@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::progress::Progress;
 use crate::report::page::Page;
 use crate::report::plot::{Plot, Point, Series};
-use crate::report::table::{Cell, Table};
+use crate::report::table::{Table, row};
 
 /// Runs the study.
 pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
@@ -28,23 +28,14 @@ pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> 
         let drift = |h: f64| energy_drift(method, h, seconds);
         let points = [15.0, 30.0, 60.0, 120.0, 240.0, 480.0, 960.0].map(|hz: f64| {
             let drift = drift(1.0 / hz);
-            Point {
-                x: 1.0 / hz,
-                y: if drift.is_finite() { drift.abs().max(1e-16) } else { f64::NAN },
-                name: String::new(),
-            }
+            Point::at(1.0 / hz, if drift.is_finite() { drift.abs().max(1e-16) } else { f64::NAN })
         });
         at_flight.push((name, drift(STEP_S)));
-        series.push(Series { name: name.to_owned(), points: points.to_vec(), line: true });
+        series.push(Series::line(name, points));
         progress.check()?;
     }
-    let plot = Plot {
-        title: format!("Error of the energy after {seconds} s without drag"),
-        x: "step / s".to_owned(),
-        y: "share of the energy".to_owned(),
-        front: false,
-        series,
-    };
+    let title = format!("Error of the energy after {seconds} s without drag");
+    let plot = Plot::new(title, "step / s", "share of the energy", series);
     page.plot("energy", &plot, "Lower is better. Methods that left the tube are not drawn.")?;
     let mut t =
         Table::new(&["method", "body", "momentum", "angular momentum", "energy of rotation", "orientation / rad"]);
@@ -53,8 +44,8 @@ pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> 
         for (shape, r, l) in [("needle", 1e-3, 2.9), ("flat", 1.49, 1e-3), ("default", 1.06, 2.12)] {
             let drifts = free_drift(method, r, l);
             worst = worst.max(drifts[0]).max(drifts[1]);
-            let cells = drifts.into_iter().map(|d| Cell::Number(d, 16));
-            t.row([name.into(), shape.into()].into_iter().chain(cells).collect());
+            let [momentum, angular, energy, orientation] = drifts.map(|d| (d, 16));
+            t.row(row![name, shape, momentum, angular, energy, orientation]);
         }
         progress.check()?;
     }

@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::phantom::{Phantom, PhantomSettings, Size};
 use crate::progress::Progress;
 use crate::report::page::Page;
-use crate::report::table::{Cell, Table};
+use crate::report::table::table;
 use crate::report::{median, quantile};
 use crate::schedule::Look;
 use crate::space::{PreparedVolume, TransferFunction, first_crossing};
@@ -69,20 +69,7 @@ pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> 
         "Each 5 mm of the way, the median depth in the middle eighth of the picture (90°). Angular speed and acceleration are those \
          of the view, from one step of 1/120 s to the next. The scan is flown cleansed.",
     );
-    let mut table = Table::new(&[
-        "flight",
-        "guide",
-        "look",
-        "way",
-        "arrives",
-        "simulated s",
-        "places",
-        "wall nearer than 15 mm (%)",
-        "turns, 99 % (°/s)",
-        "turns, most (°/s)",
-        "angular acceleration, 99 % (°/s²)",
-        "angular acceleration, most (°/s²)",
-    ]);
+    let mut all = Vec::new();
     let mut worst = [(0.0f64, 0.0f64); 2];
     for (title, volume, is_scan) in &courses {
         let mut scan = Scan::prepared(volume.clone(), Arc::new(progress.clone()));
@@ -96,24 +83,24 @@ pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> 
                     let w = &mut worst[usize::from(look.name == looks::way::LOOK.name)];
                     *w = (w.0.max(judged.near), w.1.max(judged.acceleration[0]));
                 }
-                let degrees = |rad: f64| Cell::Number(rad.to_degrees(), 0);
-                table.row(vec![
-                    title.as_str().into(),
-                    guide.into(),
-                    look.name.into(),
-                    if reverse { "back" } else { "there" }.into(),
-                    if judged.state == State::Arrived { "yes" } else { "no" }.into(),
-                    Cell::Number(judged.seconds, 0),
-                    Cell::Number(judged.places as f64, 0),
-                    Cell::Number(100.0 * judged.near, 1),
-                    degrees(judged.speed[0]),
-                    degrees(judged.speed[1]),
-                    degrees(judged.acceleration[0]),
-                    degrees(judged.acceleration[1]),
-                ]);
+                all.push((title, guide, look.name, if reverse { "back" } else { "there" }, judged));
             }
         }
     }
+    let table = table!(for (title, guide, look, way, j) in &all;
+        "flight" => *title,
+        "guide" => *guide,
+        "look" => *look,
+        "way" => *way,
+        "arrives" => j.state == State::Arrived,
+        "simulated s" => (j.seconds, 0),
+        "places" => j.places,
+        "wall nearer than 15 mm (%)" => (100.0 * j.near, 1),
+        "turns, 99 % (°/s)" => (j.speed[0].to_degrees(), 0),
+        "turns, most (°/s)" => (j.speed[1].to_degrees(), 0),
+        "angular acceleration, 99 % (°/s²)" => (j.acceleration[0].to_degrees(), 0),
+        "angular acceleration, most (°/s²)" => (j.acceleration[1].to_degrees(), 0),
+    );
     page.table("looking", &table)?;
     let [ahead, way] = worst;
     Ok(vec![format!(

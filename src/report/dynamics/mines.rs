@@ -13,7 +13,7 @@ use crate::plane::shipped::DRAWINGS;
 use crate::plane::{Flight, PlaneSettings, State};
 use crate::progress::Progress;
 use crate::report::page::Page;
-use crate::report::table::{Cell, Table};
+use crate::report::table::{Table, known, row, table};
 use crate::report::trials::{self, Course};
 use crate::report::{Effort, mean};
 
@@ -89,15 +89,13 @@ fn worth(effort: Effort, page: &mut Page, progress: &Progress) -> Result<String>
     let mut decided = Vec::new();
     for (name, png) in &DRAWINGS {
         let drawing = Drawing::decode(name, png)?;
-        let mut row = vec![Cell::from(*name)];
+        let mut row = row![*name];
         let mut shares = Vec::new();
         for kept in WORTH {
             let ways = arrivals(&drawing, kept, effort)?;
             let arrived: Vec<f64> = ways.iter().flatten().copied().collect();
             let share = arrived.len() as f64 / ways.len().max(1) as f64;
-            let way = mean(&arrived);
-            row.push(Cell::Number(100.0 * share, 0));
-            row.push(if way.is_nan() { Cell::None } else { Cell::Number(way, 0) });
+            row.extend(row![(100.0 * share, 0), known(mean(&arrived), 0)]);
             shares.push(share);
         }
         progress.check()?;
@@ -169,27 +167,15 @@ fn measure(courses: &[Course], effort: Effort, progress: &Progress) -> Result<Ve
 
 /// Formats the results as a table.
 fn table(laid: &[Laid]) -> Table {
-    let mut table = Table::new(&[
-        "changed",
-        "mines kept",
-        "spacing (mm)",
-        "reach (mm)",
-        "flights that arrive (%)",
-        "other ways looked for",
-        "time of those (s)",
-    ]);
-    for l in laid {
-        table.row(vec![
-            l.changed.into(),
-            Cell::Number(l.settings.kept as f64, 0),
-            Cell::Number(l.settings.spacing_mm, 0),
-            Cell::Number(l.settings.reach_mm, 0),
-            Cell::Number(100.0 * l.arrived, 0),
-            Cell::Number(l.escapes, 1),
-            if l.seconds.is_nan() { Cell::None } else { Cell::Number(l.seconds, 1) },
-        ]);
-    }
-    table
+    table!(for l in laid;
+        "changed" => l.changed,
+        "mines kept" => l.settings.kept,
+        "spacing (mm)" => (l.settings.spacing_mm, 0),
+        "reach (mm)" => (l.settings.reach_mm, 0),
+        "flights that arrive (%)" => (100.0 * l.arrived, 0),
+        "other ways looked for" => (l.escapes, 1),
+        "time of those (s)" => known(l.seconds, 1),
+    )
 }
 
 #[cfg(test)]

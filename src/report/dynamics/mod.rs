@@ -73,10 +73,9 @@ pub fn report(
     progress.stage("measuring integrators", STUDIES.len() as u64);
     for (title, study) in STUDIES {
         page.section(title);
-        for finding in study(&subject, &mut page, progress)? {
-            page.finding(&finding);
-            findings.push(finding);
-        }
+        let found = study(&subject, &mut page, progress)?;
+        page.findings(&found);
+        findings.extend(found);
         progress.advance(1)?;
     }
     page.finish()?;

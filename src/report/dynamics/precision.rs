@@ -17,7 +17,7 @@ use crate::progress::Progress;
 use crate::report::Effort;
 use crate::report::page::Page;
 use crate::report::plot::{Plot, Point, Series};
-use crate::report::table::{Cell, Table};
+use crate::report::table::{Table, row, table};
 
 /// Duration of the flight, s.
 pub const SECONDS: f64 = 2.0;
@@ -195,28 +195,14 @@ fn plot(runs: &[Run], number: usize, case: &Case, page: &mut Page) -> Result<()>
     ];
     let names: Vec<&'static str> = FIXED.iter().map(|f| f.0).chain(ADAPTIVE.iter().map(|a| a.0)).collect();
     for (file, x, y, across, up) in kinds {
-        let series = names.iter().map(|&name| Series {
-            name: name.to_owned(),
-            points: runs
-                .iter()
-                .filter(|r| r.case == number && r.method == name && up(r) < 1e3)
-                .enumerate()
-                // Only every fourth point has a label, as more labels would overlap.
-                .map(|(n, r)| Point {
-                    x: across(r),
-                    y: up(r).max(1e-12),
-                    name: if n % 4 == 0 { setting(r) } else { String::new() },
-                })
-                .collect(),
-            line: true,
+        let series = names.iter().map(|&name| {
+            let shown = runs.iter().filter(|r| r.case == number && r.method == name && up(r) < 1e3).enumerate();
+            // Only every fourth point has a label, as more labels would overlap.
+            let label = |n: usize, r: &Run| if n.is_multiple_of(4) { setting(r) } else { String::new() };
+            Series::line(name, shown.map(|(n, r)| Point { x: across(r), y: up(r).max(1e-12), name: label(n, r) }))
         });
-        let plot = Plot {
-            title: format!("{}: {y} over {x}", case.name),
-            x: x.to_owned(),
-            y: y.to_owned(),
-            front: true,
-            series: series.collect(),
-        };
+        let title = format!("{}: {y} over {x}", case.name);
+        let plot = Plot { front: true, ..Plot::new(title, x, y, series.collect()) };
         let file = format!("{}-{file}", case.name.replace(' ', "-"));
         page.plot(&file, &plot, "Labels give the step or tolerance; the grey band marks the Pareto front.")?;
     }
@@ -240,15 +226,7 @@ fn write_orders(runs: &[Run], page: &mut Page) -> Result<String> {
                 worst = (off, format!("{name} in {what}, {order:.2}"));
             }
         }
-        let cell = |o: Option<f64>| o.map_or(Cell::None, |o| Cell::Number(o, 2));
-        let cells = vec![
-            CASES[MIDDLE].name.into(),
-            name.into(),
-            Cell::Number(f64::from(method.order()), 0),
-            cell(seen[0]),
-            cell(seen[1]),
-        ];
-        t.row(cells);
+        t.row(row![CASES[MIDDLE].name, name, (f64::from(method.order()), 0), (seen[0], 2), (seen[1], 2)]);
     }
     page.table("orders", &t)?;
     Ok(format!(
@@ -261,28 +239,16 @@ fn write_orders(runs: &[Run], page: &mut Page) -> Result<String> {
 
 /// Writes the table of all flights.
 fn write_runs(runs: &[Run], page: &mut Page) -> Result<()> {
-    let mut t = Table::new(&[
-        "wall",
-        "method",
-        "step / s or tolerance",
-        "error in position / mm",
-        "error in orientation / rad",
-        "time / µs",
-        "evaluations",
-        "bound reached",
-    ]);
-    for r in runs {
-        t.row(vec![
-            CASES[r.case].name.into(),
-            r.method.into(),
-            Cell::Number(r.setting, 6),
-            Cell::Number(r.position, 10),
-            Cell::Number(r.orientation, 10),
-            Cell::Number(r.microseconds, 1),
-            Cell::Number(r.rates, 0),
-            if r.cut_short { "yes" } else { "no" }.into(),
-        ]);
-    }
+    let t = table!(for r in runs;
+        "wall" => CASES[r.case].name,
+        "method" => r.method,
+        "step / s or tolerance" => (r.setting, 6),
+        "error in position / mm" => (r.position, 10),
+        "error in orientation / rad" => (r.orientation, 10),
+        "time / µs" => (r.microseconds, 1),
+        "evaluations" => (r.rates, 0),
+        "bound reached" => r.cut_short,
+    );
     page.table("precision", &t)
 }
 

@@ -14,7 +14,7 @@ use crate::plane::drawing::Drawing;
 use crate::plane::shipped::DRAWINGS;
 use crate::progress::Progress;
 use crate::report::page::Page;
-use crate::report::table::{Cell, Table};
+use crate::report::table::{Table, table};
 use crate::report::trials::{self, Course, Trial};
 use crate::report::{Effort, mean};
 
@@ -109,40 +109,25 @@ fn reached(trial: &Trial, start: DVec3, to_goal: &TargetDistance) -> f64 {
 }
 
 fn table(all: &[Flown]) -> Table {
-    let mut table = Table::new(&[
-        "course",
-        "scene",
-        "reached (%)",
-        "ends",
-        "time (s)",
-        "flown (mm)",
-        "other ways looked for",
-        "least clearance (mm)",
-        "mean clearance (mm)",
-        "offset from the centerline (of the radius)",
-        "jerk (mm/s³)",
-    ]);
-    for f in all {
-        let ends = match f.trial.arrived() {
-            true => "arrives",
-            false if f.trial.reason.is_empty() => "time is over",
-            false => &f.trial.reason,
-        };
-        table.row(vec![
-            f.course.as_str().into(),
-            f.scene.into(),
-            Cell::Number(100.0 * f.reached, 0),
-            ends.into(),
-            Cell::Number(f.trial.seconds, 1),
-            Cell::Number(f.trial.length_mm, 0),
-            Cell::Number(f64::from(f.trial.escapes), 0),
-            Cell::Number(f.trial.clearance_mm.0, 1),
-            Cell::Number(f.trial.clearance_mm.1, 1),
-            f.trial.offset.map(|o| Cell::Number(o, 3)).into(),
-            Cell::Number(f.trial.jerk, 0),
-        ]);
-    }
-    table
+    let ends = |t: &Trial| match t.arrived() {
+        true => "arrives".to_owned(),
+        false if t.reason.is_empty() => "time is over".to_owned(),
+        false => t.reason.clone(),
+    };
+    table!(for f in all;
+        let t = &f.trial;
+        "course" => &f.course,
+        "scene" => f.scene,
+        "reached (%)" => (100.0 * f.reached, 0),
+        "ends" => ends(t),
+        "time (s)" => (t.seconds, 1),
+        "flown (mm)" => (t.length_mm, 0),
+        "other ways looked for" => t.escapes as usize,
+        "least clearance (mm)" => (t.clearance_mm.0, 1),
+        "mean clearance (mm)" => (t.clearance_mm.1, 1),
+        "offset from the centerline (of the radius)" => (t.offset, 3),
+        "jerk (mm/s³)" => (t.jerk, 0),
+    )
 }
 
 /// Summarises the flights of one kind; `None` if there are none.

@@ -13,7 +13,7 @@ use crate::dynamics::{Attitude, Body, Potential, PotentialForce, STEP_HZ, STEP_S
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::report::page::Page;
-use crate::report::table::{Cell, Table};
+use crate::report::table::{Table, row};
 
 /// Step of the flight, s, its length in steps, and the number of final steps that are evaluated.
 const STEP: f64 = STEP_S;
@@ -34,13 +34,8 @@ pub(crate) fn study(_: &Subject, page: &mut Page, progress: &Progress) -> Result
             for wall_energy in [1e2, 1e4] {
                 let [jerk, offset] = fly(method, rounding, wall_energy);
                 most = if jerk.is_nan() { f64::INFINITY } else { most.max(jerk) };
-                t.row(vec![
-                    name.into(),
-                    Cell::Number(rounding, 2),
-                    Cell::Number(wall_energy, 0),
-                    Cell::Number(if jerk.is_nan() { f64::INFINITY } else { jerk }, 3),
-                    Cell::Number(if offset.is_nan() { f64::INFINITY } else { offset }, 4),
-                ]);
+                let [jerk, offset] = [jerk, offset].map(|v| if v.is_nan() { f64::INFINITY } else { v });
+                t.row(row![name, (rounding, 2), (wall_energy, 0), (jerk, 3), (offset, 4)]);
             }
         }
         worst.push((name, most));

@@ -115,18 +115,9 @@ fn is_stable(method: &dyn Stepper, force: &dyn Forces, at: DVec3, deviation: f64
 }
 
 fn draw(page: &mut Page, file: &str, title: &str, x: &str, values: &[f64], map: &[Vec<f64>]) -> Result<()> {
-    let series = FIXED.iter().zip(map).map(|((name, _), steps)| Series {
-        name: (*name).to_owned(),
-        points: values.iter().zip(steps).map(|(&x, &y)| Point { x, y, name: String::new() }).collect(),
-        line: true,
-    });
-    let plot = Plot {
-        title: title.to_owned(),
-        x: x.to_owned(),
-        y: "largest stable step / s".to_owned(),
-        front: false,
-        series: series.collect(),
-    };
+    let points = |steps: &[f64]| values.iter().zip(steps).map(|(&x, &y)| Point::at(x, y)).collect::<Vec<_>>();
+    let series = FIXED.iter().zip(map).map(|((name, _), steps)| Series::line(*name, points(steps)));
+    let plot = Plot::new(title, x, "largest stable step / s", series.collect());
     page.plot(file, &plot, "Higher is better. Steps shorter than the shortest one tried are not shown.")?;
     let names: Vec<&str> = std::iter::once(x).chain(FIXED.iter().map(|f| f.0)).collect();
     let mut t = Table::new(&names);

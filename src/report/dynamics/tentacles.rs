@@ -11,7 +11,7 @@ use crate::math::hash;
 use crate::progress::Progress;
 use crate::report::page::Page;
 use crate::report::plot::{Plot, Point, Series};
-use crate::report::table::{Cell, Table};
+use crate::report::table::{Table, known, table};
 use crate::report::trials::{self, Course};
 use crate::report::{Effort, mean, median, quantile};
 use crate::space::first_crossing;
@@ -119,41 +119,22 @@ fn sense(course: &Course, count: usize, errors: &mut Vec<f64>, angles: &mut Vec<
 
 /// Formats the results as a table.
 fn table(sensed: &[Sensed]) -> Table {
-    let mut table = Table::new(&[
-        "tentacles",
-        "error of D_s, median (mm)",
-        "error of D_s, 95 % (mm)",
-        "error of its direction, median (degrees)",
-        "flights that arrive (%)",
-        "offset from the centerline (of the radius)",
-        "a step (µs)",
-    ]);
-    for s in sensed {
-        table.row(vec![
-            Cell::Number(s.count as f64, 0),
-            Cell::Number(s.error_mm.0, 2),
-            Cell::Number(s.error_mm.1, 2),
-            Cell::Number(s.angle_degrees, 1),
-            Cell::Number(100.0 * s.arrived, 0),
-            if s.offset.is_nan() { Cell::None } else { Cell::Number(s.offset, 3) },
-            Cell::Number(s.step_us, 0),
-        ]);
-    }
-    table
+    table!(for s in sensed;
+        "tentacles" => s.count,
+        "error of D_s, median (mm)" => (s.error_mm.0, 2),
+        "error of D_s, 95 % (mm)" => (s.error_mm.1, 2),
+        "error of its direction, median (degrees)" => (s.angle_degrees, 1),
+        "flights that arrive (%)" => (100.0 * s.arrived, 0),
+        "offset from the centerline (of the radius)" => known(s.offset, 3),
+        "a step (µs)" => (s.step_us, 0),
+    )
 }
 
 /// Plots the error of the sensed distance against the time of a step.
 fn plot(sensed: &[Sensed]) -> Plot {
-    let series = |name: &str, value: &dyn Fn(&Sensed) -> f64| Series {
-        name: name.to_owned(),
-        points: sensed.iter().map(|s| Point { name: s.count.to_string(), x: s.step_us, y: value(s) }).collect(),
-        line: true,
+    let series = |name: &str, value: &dyn Fn(&Sensed) -> f64| {
+        Series::line(name, sensed.iter().map(|s| Point { name: s.count.to_string(), x: s.step_us, y: value(s) }))
     };
-    Plot {
-        title: "Tentacles: what they sense".to_owned(),
-        x: "a step (µs)".to_owned(),
-        y: "error of D_s (mm)".to_owned(),
-        series: vec![series("median", &|s| s.error_mm.0), series("95 %", &|s| s.error_mm.1)],
-        front: false,
-    }
+    let both = vec![series("median", &|s| s.error_mm.0), series("95 %", &|s| s.error_mm.1)];
+    Plot::new("Tentacles: what they sense", "a step (µs)", "error of D_s (mm)", both)
 }

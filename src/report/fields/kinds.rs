@@ -7,7 +7,7 @@ use crate::fields::lumen::{self, Considered, GasKind, Lumen, RULES};
 use crate::phantom::{BodyKind, Phantom, PhantomSettings, Position, Size, TrueBody};
 use crate::progress::Progress;
 use crate::report::page::Page;
-use crate::report::table::{Cell, Table};
+use crate::report::table::{Cell, Table, row, table};
 use crate::volume::{PatientPosition, Volume};
 
 /// Distance from the valve up to which ileum may be taken for colon, mm.
@@ -133,43 +133,29 @@ pub(super) fn write(page: &mut Page, all: &[Judgement], scan: Option<&(String, D
         "Phantoms with small bowel, a stomach, lungs, collapsed stretches, a pelvis and pools. Every body of gas of the truth is \
          looked up in what was found; \"unknown\" is neither right nor wrong.",
     );
-    let mut t = Table::new(&[
-        "phantom",
-        "Dice of the colon",
-        "in order",
-        "ileum beyond 20 mm / ml",
-        "bodies right",
-        "unknown",
-        "wrong",
-        "position right",
-        "worst junction / mm",
-    ]);
-    for j in all {
+    let is_unknown = |b: &&(BodyKind, GasKind)| b.1 == GasKind::Unknown;
+    let kinds = table!(for j in all;
         let right = j.bodies.iter().filter(|b| is_right(b.0, b.1)).count();
-        let unknown = j.bodies.iter().filter(|b| b.1 == GasKind::Unknown).count();
-        let count = |n: usize| Cell::Number(n as f64, 0);
-        let yes = |yes: bool| if yes { "yes" } else { "no" }.into();
-        t.row(vec![
-            j.title.as_str().into(),
-            Cell::Number(j.dice, 4),
-            yes(j.ordered),
-            Cell::Number(j.ileum_ml, 2),
-            count(right),
-            count(unknown),
-            count(j.bodies.len() - right - unknown),
-            yes(j.position),
-            j.worst_mm.map_or(Cell::None, |mm| Cell::Number(mm, 1)),
-        ]);
-    }
-    page.table("kinds", &t)?;
-    let mut t = Table::new(&["truth", "taken for", "bodies"]);
+        let unknown = j.bodies.iter().filter(is_unknown).count();
+        "phantom" => &j.title,
+        "Dice of the colon" => (j.dice, 4),
+        "in order" => j.ordered,
+        "ileum beyond 20 mm / ml" => (j.ileum_ml, 2),
+        "bodies right" => right,
+        "unknown" => unknown,
+        "wrong" => j.bodies.len() - right - unknown,
+        "position right" => j.position,
+        "worst junction / mm" => (j.worst_mm, 1),
+    );
+    page.table("kinds", &kinds)?;
     let mut pairs: Vec<(BodyKind, GasKind)> = all.iter().flat_map(|j| &j.bodies).copied().collect();
     pairs.sort_by_key(|p| (p.0 as usize, p.1));
-    for pair in pairs.chunk_by(|a, b| a == b) {
-        let truth = format!("{:?}", pair[0].0);
-        t.row(vec![truth.as_str().into(), pair[0].1.name().into(), Cell::Number(pair.len() as f64, 0)]);
-    }
-    page.table("confusion", &t)?;
+    let confusion = table!(for pair in pairs.chunk_by(|a, b| a == b);
+        "truth" => format!("{:?}", pair[0].0),
+        "taken for" => pair[0].1.name(),
+        "bodies" => pair.len(),
+    );
+    page.table("confusion", &confusion)?;
     page.text("The rules, with the bodies for which each holds, and those whose kind or place in the lumen depends on it alone.");
     let mut head = vec!["kind", "weight", "reason", "holds, phantoms", "decides, phantoms"];
     if let Some((title, _)) = scan {
@@ -178,15 +164,9 @@ pub(super) fn write(page: &mut Page, all: &[Judgement], scan: Option<&(String, D
     let mut t = Table::new(&head);
     for (n, r) in RULES.iter().enumerate() {
         let sum = |of: fn(&Decisions) -> &Vec<usize>| all.iter().map(|j| of(&j.rules)[n]).sum::<usize>();
-        let count = |n: usize| Cell::Number(n as f64, 0);
-        let mut row = vec![
-            r.kind.name().into(),
-            Cell::Number(r.weight, 1),
-            r.why.into(),
-            count(sum(|d| &d.holds)),
-            count(sum(|d| &d.decides)),
-        ];
-        row.extend(scan.iter().flat_map(|(_, d)| [count(d.holds[n]), count(d.decides[n])]));
+        let (holds, decides) = (sum(|d| &d.holds), sum(|d| &d.decides));
+        let mut row = row![r.kind.name(), (r.weight, 1), r.why, holds, decides];
+        row.extend(scan.iter().flat_map(|(_, d)| [d.holds[n], d.decides[n]]).map(Cell::from));
         t.row(row);
     }
     page.table("rules", &t)?;

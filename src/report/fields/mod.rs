@@ -15,7 +15,7 @@ use crate::volume::Volume;
 
 use super::page::Page;
 use super::plot::{Plot, Point, Series};
-use super::table::{Cell, Table};
+use super::table::{Table, table};
 use super::{Effort, mean};
 use measure::{DistanceLine, LineLine, Measured};
 
@@ -76,9 +76,7 @@ fn write(
          Memory is the increase of resident memory, on systems that report it. Each method is measured once, in turn, in a process that has run it before.",
     );
     let mut findings = findings(all);
-    for f in &findings {
-        page.finding(f);
-    }
+    page.findings(&findings);
     page.section("Distance to the wall");
     page.plot(
         "distances",
@@ -96,14 +94,10 @@ fn write(
     page.section("The whole preparation");
     page.table("preparation", &preparation_table(all))?;
     let about_kinds = kinds::write(&mut page, judged, decided)?;
-    for f in &about_kinds {
-        page.finding(f);
-    }
+    page.findings(&about_kinds);
     findings.extend(about_kinds);
     let about_slices = slices::write(&mut page, phantoms, scan)?;
-    for f in &about_slices {
-        page.finding(f);
-    }
+    page.findings(&about_slices);
     findings.extend(about_slices);
     page.finish()?;
     Ok(findings)
@@ -116,90 +110,53 @@ fn plot<L>(
     lines: impl Fn(&Measured) -> &Vec<L>,
     point: impl Fn(&L) -> (&'static str, f64, Option<f64>),
 ) -> Plot {
-    let mut series: Vec<Series> = Vec::new();
-    for m in all {
-        for (method, seconds, error) in lines(m).iter().map(&point) {
-            let Some(error) = error else { continue };
-            let p = Point { x: 1000.0 * seconds, y: error, name: m.short.clone() };
-            match series.iter_mut().find(|s| s.name == method) {
-                Some(s) => s.points.push(p),
-                None => series.push(Series { name: method.to_owned(), points: vec![p], line: false }),
-            }
-        }
-    }
-    Plot { title: title.to_owned(), x: "time / ms".to_owned(), y: "mean error / mm".to_owned(), front: true, series }
-}
-
-fn number(value: Option<f64>, digits: usize) -> Cell {
-    value.map(|v| Cell::Number(v, digits)).into()
+    let point = |m: &Measured, l: &L| {
+        let (method, seconds, error) = point(l);
+        Some((method.to_owned(), false, Point { x: 1000.0 * seconds, y: error?, name: m.short.clone() }))
+    };
+    let points = all.iter().flat_map(|m| lines(m).iter().filter_map(|l| point(m, l)).collect::<Vec<_>>());
+    Plot { front: true, ..Plot::new(title, "time / ms", "mean error / mm", Series::grouped(points)) }
 }
 
 fn distance_table(all: &[Measured]) -> Table {
-    let mut t = Table::new(&[
-        "volume",
-        "method",
-        "time / s",
-        "memory / MB",
-        "mean error against exact / mm",
-        "largest / mm",
-        "mean error at the wall / mm",
-    ]);
-    for m in all {
-        for d in &m.distances {
-            let errors = [number(Some(d.mean_mm), 3), number(Some(d.max_mm), 2), number(d.wall_mm, 3)];
-            let costs = [Cell::Number(d.seconds, 3), number(d.megabytes, 1)];
-            let names: [Cell; 2] = [m.title.as_str().into(), d.method.into()];
-            t.row(names.into_iter().chain(costs).chain(errors).collect());
-        }
-    }
-    t
+    table!(for (m, d) in all.iter().flat_map(|m| m.distances.iter().map(move |d| (m, d)));
+        "volume" => &m.title,
+        "method" => d.method,
+        "time / s" => (d.seconds, 3),
+        "memory / MB" => (d.megabytes, 1),
+        "mean error against exact / mm" => (d.mean_mm, 3),
+        "largest / mm" => (d.max_mm, 2),
+        "mean error at the wall / mm" => (d.wall_mm, 3),
+    )
 }
 
 fn line_table(all: &[Measured]) -> Table {
-    let mut t = Table::new(&[
-        "volume",
-        "method",
-        "time / s",
-        "memory / MB",
-        "mean error / mm",
-        "95 % / mm",
-        "largest / mm",
-        "length / mm",
-        "least radius / mm",
-    ]);
-    for m in all {
-        for l in &m.lines {
-            let names: [Cell; 2] = [m.title.as_str().into(), l.method.into()];
-            let costs = [Cell::Number(l.seconds, 3), number(l.megabytes, 1)];
-            let errors = [number(l.mean_mm, 2), number(l.p95_mm, 2), number(l.max_mm, 2)];
-            let line = [Cell::Number(l.length_mm, 0), Cell::Number(l.least_radius_mm, 1)];
-            t.row(names.into_iter().chain(costs).chain(errors).chain(line).collect());
-        }
-    }
-    t
+    table!(for (m, l) in all.iter().flat_map(|m| m.lines.iter().map(move |l| (m, l)));
+        "volume" => &m.title,
+        "method" => l.method,
+        "time / s" => (l.seconds, 3),
+        "memory / MB" => (l.megabytes, 1),
+        "mean error / mm" => (l.mean_mm, 2),
+        "95 % / mm" => (l.p95_mm, 2),
+        "largest / mm" => (l.max_mm, 2),
+        "length / mm" => (l.length_mm, 0),
+        "least radius / mm" => (l.least_radius_mm, 1),
+    )
 }
 
 fn preparation_table(all: &[Measured]) -> Table {
-    let mut t = Table::new(&[
-        "volume",
-        "volume / MB",
-        "lumen / s",
-        "distance / s",
-        "centerline / s",
-        "sum / s",
-        "kept fields / MB",
-        "fields of the volume / %",
-    ]);
-    for m in all {
+    let mb = |b: usize| b as f64 / 1e6;
+    table!(for m in all;
         let parts = [m.lumen_s, m.distances[0].seconds, m.lines[0].seconds];
-        let mb = |b: usize| b as f64 / 1e6;
-        let mut row: Vec<Cell> = vec![m.title.as_str().into(), Cell::Number(mb(m.volume_bytes), 0)];
-        row.extend(parts.iter().chain([&parts.iter().sum()]).map(|&s| Cell::Number(s, 2)));
-        let share = 100.0 * m.field_bytes as f64 / m.volume_bytes as f64;
-        row.extend([Cell::Number(mb(m.field_bytes), 1), Cell::Number(share, 1)]);
-        t.row(row);
-    }
-    t
+        "volume" => &m.title,
+        "volume / MB" => (mb(m.volume_bytes), 0),
+        "lumen / s" => (parts[0], 2),
+        "distance / s" => (parts[1], 2),
+        "centerline / s" => (parts[2], 2),
+        "sum / s" => (parts.iter().sum::<f64>(), 2),
+        "kept fields / MB" => (mb(m.field_bytes), 1),
+        "fields of the volume / %" => (100.0 * m.field_bytes as f64 / m.volume_bytes as f64, 1),
+    )
 }
 
 /// Returns the findings, in two sentences.

@@ -17,7 +17,7 @@ use crate::volume::Volume;
 
 use super::page::Page;
 use super::plot::{Plot, Point, Series};
-use super::table::{Cell, Table};
+use super::table::table;
 use super::{Effort, mean, median};
 use estimators::{ESTIMATORS, Estimator};
 use signals::Signal;
@@ -118,42 +118,33 @@ fn write(lines: &[Line], times: &[Vec<f64>], folder: &Path) -> Result<Vec<String
          Marschner–Lobb signal is the test of sampling near its limit (41 voxels across, 1000 HU).",
     );
     let findings = findings(lines, &ns);
-    for f in &findings {
-        page.finding(f);
-    }
+    page.findings(&findings);
     for (number, (shape, _)) in SHAPES.into_iter().enumerate() {
         for (wall, what) in [(true, "walls"), (false, "Marschner–Lobb")] {
-            let series = ESTIMATORS.iter().map(|e| Series {
-                name: e.name.to_owned(),
-                points: NOISE_HU
-                    .iter()
-                    .map(|&noise| Point {
-                        x: times[number][ESTIMATORS.iter().position(|o| o.name == e.name).unwrap_or(0)],
-                        y: over(lines, e.name, |l| l.wall == wall && l.shape == shape && l.noise == noise),
-                        name: format!("{noise:.0} HU"),
-                    })
-                    .collect(),
-                line: true,
+            let series = ESTIMATORS.iter().zip(&times[number]).map(|(e, &ns)| {
+                let point = |noise: f64| {
+                    let degrees = over(lines, e.name, |l| l.wall == wall && l.shape == shape && l.noise == noise);
+                    Point { x: ns, y: degrees, name: format!("{noise:.0} HU") }
+                };
+                Series::line(e.name, NOISE_HU.map(point))
             });
-            let plot = Plot {
-                title: format!("Gradients of {what}, {shape}, noise 0 to 100 HU"),
-                x: "time of one gradient / ns".to_owned(),
-                y: "mean angular error / degrees".to_owned(),
-                front: false,
-                series: series.collect(),
-            };
+            let title = format!("Gradients of {what}, {shape}, noise 0 to 100 HU");
+            let (x, y) = ("time of one gradient / ns", "mean angular error / degrees");
+            let plot = Plot::new(title, x, y, series.collect());
             let file = format!("{}-{}", if wall { "walls" } else { "marschner-lobb" }, ["cubic", "1-1-3"][number]);
             page.plot(&file, &plot, "Each line is one estimator; its lower end is noise-free.")?;
         }
     }
-    let mut t = Table::new(&["signal", "voxels", "noise / HU", "estimator", "mean error / degrees", "time / ns"]);
-    for l in lines {
-        let numbers =
-            [Cell::Number(l.noise, 0), l.estimator.into(), Cell::Number(l.degrees, 2), Cell::Number(ns(l), 1)];
-        t.row([l.signal.into(), l.shape.into()].into_iter().chain(numbers).collect());
-    }
     page.section("All numbers");
-    page.table("gradients", &t)?;
+    let table = table!(for l in lines;
+        "signal" => l.signal,
+        "voxels" => l.shape,
+        "noise / HU" => (l.noise, 0),
+        "estimator" => l.estimator,
+        "mean error / degrees" => (l.degrees, 2),
+        "time / ns" => (ns(l), 1),
+    );
+    page.table("gradients", &table)?;
     page.finish()?;
     Ok(findings)
 }

@@ -14,7 +14,7 @@ use walk::Ground;
 pub use walk::{Failure, Fault, Tally};
 
 use super::page::Page;
-use super::table::{Cell, Table};
+use super::table::{Cell, Table, finite, table};
 use crate::dynamics::Integrator;
 use crate::error::Result;
 use crate::fields::ClearanceFinder;
@@ -110,49 +110,32 @@ pub fn report(steps: u64, seed: u64, folder: &Path, progress: &Progress) -> Resu
         a.perforations, a.broken, a.hangs, a.steps, a.blocked, a.too_near, a.stuck, a.most_rates
     );
     page.finding(&finding);
-    let names = |n| {
-        [
-            n,
-            "steps",
-            "perforations",
-            "not finite",
-            "hangs",
-            "blocked",
-            "too near",
-            "stuck",
-            "most evaluations",
-            "least margin / mm",
-        ]
-    };
-    let cells = |name: &str, t: &Tally| {
-        let counts =
-            [t.steps, t.perforations, t.broken, t.hangs, t.blocked, t.too_near, t.stuck, u64::from(t.most_rates)];
-        let counts = counts.map(|n| Cell::Number(n as f64, 0));
-        let margin = if t.margin_mm.is_finite() { Cell::Number(t.margin_mm, 4) } else { Cell::None };
-        std::iter::once(name.into()).chain(counts).chain([margin]).collect::<Vec<Cell>>()
-    };
-    let mut places = Table::new(&names("place"));
-    outcome.places.iter().for_each(|(name, t)| places.row(cells(name, t)));
-    let mut methods = Table::new(&names("method"));
-    outcome.methods.iter().for_each(|(name, t)| methods.row(cells(name, t)));
-    page.section("By place");
-    page.table("places", &places)?;
-    page.section("By method");
-    page.table("methods", &methods)?;
-    if !outcome.failures.is_empty() {
-        let mut failures = Table::new(&["walk", "step", "place", "method", "radius / mm", "from / mm", "what"]);
-        for (place, integrator, f) in &outcome.failures {
-            let method = Integrator::ALL.iter().find(|(i, _)| i == integrator).map_or("", |(_, name)| name);
-            failures.row(vec![
-                Cell::Number(f.walk as f64, 0),
-                Cell::Number(f.step as f64, 0),
-                outcome.places[*place].0.as_str().into(),
-                method.into(),
-                Cell::Number(f.radius_mm, 1),
-                format!("{:.6} {:.6} {:.6}", f.from.x, f.from.y, f.from.z).as_str().into(),
-                f.what.name().into(),
-            ]);
+    let table = |what: &str, all: &mut dyn Iterator<Item = (&str, &Tally)>| {
+        let columns =
+            ["steps", "perforations", "not finite", "hangs", "blocked", "too near", "stuck", "most evaluations"];
+        let mut table = Table::new(&[&[what], &columns[..], &["least margin / mm"]].concat());
+        for (name, t) in all {
+            let counts =
+                [t.steps, t.perforations, t.broken, t.hangs, t.blocked, t.too_near, t.stuck, u64::from(t.most_rates)];
+            let counts = counts.map(|n| Cell::Number(n as f64, 0));
+            table.row([name.into()].into_iter().chain(counts).chain([finite(t.margin_mm, 4)]).collect());
         }
+        table
+    };
+    page.section("By place");
+    page.table("places", &table("place", &mut outcome.places.iter().map(|p| (p.0.as_str(), &p.1))))?;
+    page.section("By method");
+    page.table("methods", &table("method", &mut outcome.methods.iter().map(|m| (m.0, &m.1))))?;
+    if !outcome.failures.is_empty() {
+        let failures = table!(for (place, integrator, f) in &outcome.failures;
+            "walk" => f.walk as usize,
+            "step" => f.step as usize,
+            "place" => &outcome.places[*place].0,
+            "method" => Integrator::ALL.iter().find(|(i, _)| i == integrator).map_or("", |(_, name)| name),
+            "radius / mm" => (f.radius_mm, 1),
+            "from / mm" => format!("{:.6} {:.6} {:.6}", f.from.x, f.from.y, f.from.z),
+            "what" => f.what.name(),
+        );
         page.section("Steps that perforated");
         page.table("failures", &failures)?;
     }

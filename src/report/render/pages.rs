@@ -4,7 +4,7 @@ use crate::error::Result;
 use crate::report::image::{WHITE_ERROR, error_map, rms};
 use crate::report::page::Page;
 use crate::report::plot::{Plot, Point, Series};
-use crate::report::table::{Cell, Table};
+use crate::report::table::{Table, known, row, table};
 use crate::report::{Effort, mean, median, quantile};
 
 use super::claims::Claims;
@@ -54,10 +54,9 @@ pub(crate) fn subject(page: &mut Page, s: &Subject, measured: &[Measured], claim
         volume.grid().spacing().z,
         mib(volume.bytes())
     ));
-    let findings = vec![finding(s, measured), indirect(s, measured)];
-    for f in findings.iter().filter(|f| !f.is_empty()) {
-        page.finding(f);
-    }
+    let findings = [finding(s, measured), indirect(s, measured)];
+    let findings: Vec<String> = findings.into_iter().filter(|f| !f.is_empty()).collect();
+    page.findings(&findings);
     let name = |what: &str| format!("{}-{what}", s.name);
     page.table(&name("methods"), &methods(measured, volume.bytes()))?;
     page.csv(&name("frames"), &frames(measured))?;
@@ -72,10 +71,7 @@ pub(crate) fn subject(page: &mut Page, s: &Subject, measured: &[Measured], claim
         page.table(&name("reuse"), &kept)?;
     }
     page.section(&format!("{}: the paper's claims", s.title));
-    let mut t = Table::new(&["paper", "measured"]);
-    for c in &claims.claims {
-        t.row(vec![c.paper.into(), c.measured.as_str().into()]);
-    }
+    let t = table!(for c in &claims.claims; "paper" => c.paper, "measured" => &c.measured);
     page.table(&name("claims"), &t)?;
     page.table(&name("preparations"), &preparations(s, claims))?;
     page.section(&format!("{}: worst frames", s.title));
@@ -90,7 +86,7 @@ pub(crate) fn subject(page: &mut Page, s: &Subject, measured: &[Measured], claim
             page.picture(&error_map(reference, frame, PANEL), &caption);
         }
     }
-    Ok(findings.into_iter().filter(|f| !f.is_empty()).collect())
+    Ok(findings)
 }
 
 /// Writes the section on adaptive detail. Returns the finding.
@@ -98,10 +94,7 @@ pub(crate) fn motion(page: &mut Page, s: &Subject, m: &AdaptiveMeasurement, exte
     let finding = format!("{}: {}", s.title, m.finding(2 * extent.pixels));
     page.section(&format!("{}: detail that follows the need", s.title));
     page.finding(&finding);
-    let mut t = Table::new(&["picture", "ms"]);
-    for (n, &ms) in m.ms.iter().enumerate() {
-        t.row(vec![number(n as f64, 0), number(ms, 2)]);
-    }
+    let t = table!(for (n, &ms) in m.ms.iter().enumerate(); "picture" => n, "ms" => known(ms, 2));
     page.csv(&format!("{}-moving", s.name), &t)?;
     page.text(&format!("While it is refined a picture takes {:.1} ms at the most.", m.refining_ms));
     Ok(finding)
@@ -148,19 +141,18 @@ fn rows_of(what: &str, rows: &[Row], side: usize) -> Table {
     let first = rows.first().map_or(f64::NAN, Row::median);
     for r in rows {
         let pixels = (r.ms.len() * side * side) as f64;
-        // Volumes with different voxels have different pictures.
-        let off = if what == "voxels" { Cell::None } else { number(f64::from(r.off), 0) };
-        t.row(vec![
-            r.name.as_str().into(),
-            number(r.median(), 2),
-            number(r.p99(), 2),
-            number(r.median() / first, 2),
-            number(r.rays as f64 / pixels, 3),
-            number(r.samples as f64 / r.rays.max(1) as f64, 2),
-            number(r.prepare_s, 3),
-            number(r.prepare_s * 1e9 / r.voxels as f64, 2),
-            number(r.bytes as f64 / (2 * r.voxels) as f64, 3),
-            off,
+        t.row(row![
+            &r.name,
+            known(r.median(), 2),
+            known(r.p99(), 2),
+            known(r.median() / first, 2),
+            known(r.rays as f64 / pixels, 3),
+            known(r.samples as f64 / r.rays.max(1) as f64, 2),
+            known(r.prepare_s, 3),
+            known(r.prepare_s * 1e9 / r.voxels as f64, 2),
+            known(r.bytes as f64 / (2 * r.voxels) as f64, 3),
+            // Volumes with different voxels have different pictures.
+            (what != "voxels").then_some(usize::from(r.off)),
         ]);
     }
     t
@@ -168,10 +160,6 @@ fn rows_of(what: &str, rows: &[Row], side: usize) -> Table {
 
 fn mib(bytes: usize) -> f64 {
     bytes as f64 / f64::from(1 << 20)
-}
-
-fn number(v: f64, digits: usize) -> Cell {
-    if v.is_nan() { Cell::None } else { Cell::Number(v, digits) }
 }
 
 fn all<T>(m: &Measured, f: impl Fn(&super::Fault) -> T) -> Vec<T> {
@@ -185,110 +173,68 @@ fn displaced(m: &Measured) -> Option<f64> {
 }
 
 fn methods(measured: &[Measured], volume: usize) -> Table {
-    let mut t = Table::new(&[
-        "method",
-        "family",
-        "PSNR mean / dB",
-        "PSNR worst / dB",
-        "SSIM mean",
-        "SSIM worst",
-        "walls off by > h/4 / %",
-        "frame median / ms",
-        "frame p99 / ms",
-        "after a jump, median / ms",
-        "samples a ray",
-        "memory / 16-bit volume",
-        "made ready in / s",
-    ]);
-    for m in measured {
+    table!(for m in measured;
         let ssim = all(m, |f| f.ssim);
-        t.row(vec![
-            m.method.name.into(),
-            m.method.family.into(),
-            number(mean(&m.psnr()), 1),
-            number(m.worst_psnr(), 1),
-            number(mean(&ssim), 4),
-            number(ssim.iter().copied().fold(1.0, f64::min), 4),
-            displaced(m).map(|s| number(100.0 * s, 3)).into(),
-            number(median(&m.ms), 1),
-            number(quantile(&m.ms, 0.99), 1),
-            number(median(&m.jump_ms), 1),
-            number(mean(&all(m, |f| f.samples)), 2),
-            number(m.bytes as f64 / volume as f64, 3),
-            number(m.prepare_s, 3),
-        ]);
-    }
-    t
+        "method" => m.method.name,
+        "family" => m.method.family,
+        "PSNR mean / dB" => known(mean(&m.psnr()), 1),
+        "PSNR worst / dB" => known(m.worst_psnr(), 1),
+        "SSIM mean" => known(mean(&ssim), 4),
+        "SSIM worst" => known(ssim.iter().copied().fold(1.0, f64::min), 4),
+        "walls off by > h/4 / %" => displaced(m).map(|s| known(100.0 * s, 3)),
+        "frame median / ms" => known(median(&m.ms), 1),
+        "frame p99 / ms" => known(quantile(&m.ms, 0.99), 1),
+        "after a jump, median / ms" => known(median(&m.jump_ms), 1),
+        "samples a ray" => known(mean(&all(m, |f| f.samples)), 2),
+        "memory / 16-bit volume" => known(m.bytes as f64 / volume as f64, 3),
+        "made ready in / s" => known(m.prepare_s, 3),
+    )
 }
 
 fn frames(measured: &[Measured]) -> Table {
-    let mut t = Table::new(&[
-        "method",
-        "pose",
-        "jump",
-        "psnr_db",
-        "ssim",
-        "displaced",
-        "ms",
-        "samples_per_ray",
-        "reuse_psnr_db",
-        "sampling_psnr_db",
-    ]);
-    for m in measured {
-        for f in &m.faults {
-            let part = |k: usize| -> Cell { f.reuse.map(|r| number(r[k], 1)).into() };
-            t.row(vec![
-                m.method.name.into(),
-                number(f.stop as f64, 0),
-                if f.jump { "yes" } else { "no" }.into(),
-                number(f.psnr, 1),
-                number(f.ssim, 4),
-                f.displaced.map(|d| number(d, 4)).into(),
-                number(f.ms, 1),
-                number(f.samples, 2),
-                part(0),
-                part(1),
-            ]);
-        }
-    }
-    t
+    table!(for (m, f) in measured.iter().flat_map(|m| m.faults.iter().map(move |f| (m, f)));
+        "method" => m.method.name,
+        "pose" => f.stop,
+        "jump" => f.jump,
+        "psnr_db" => known(f.psnr, 1),
+        "ssim" => known(f.ssim, 4),
+        "displaced" => f.displaced.map(|d| known(d, 4)),
+        "ms" => known(f.ms, 1),
+        "samples_per_ray" => known(f.samples, 2),
+        "reuse_psnr_db" => f.reuse.map(|r| known(r[0], 1)),
+        "sampling_psnr_db" => f.reuse.map(|r| known(r[1], 1)),
+    )
 }
 
 fn reuse(measured: &[Measured]) -> Table {
-    let mut t = Table::new(&["method", "part", "PSNR mean / dB", "PSNR worst / dB"]);
-    for m in measured.iter().filter(|m| m.method.traits.keeps) {
-        for (k, part) in ["reuse", "sampling"].into_iter().enumerate() {
-            let db: Vec<f64> = m.faults.iter().filter_map(|f| f.reuse).map(|r| r[k]).collect();
-            let least = db.iter().copied().fold(f64::INFINITY, f64::min);
-            t.row(vec![m.method.name.into(), part.into(), number(mean(&db), 1), number(least, 1)]);
-        }
-    }
-    t
+    let kept = measured.iter().filter(|m| m.method.traits.keeps);
+    table!(for (m, k, part) in kept.flat_map(|m| [(m, 0, "reuse"), (m, 1, "sampling")]);
+        let db = m.faults.iter().filter_map(|f| f.reuse).map(|r| r[k]).collect::<Vec<f64>>();
+        "method" => m.method.name,
+        "part" => part,
+        "PSNR mean / dB" => known(mean(&db), 1),
+        "PSNR worst / dB" => known(db.iter().copied().fold(f64::INFINITY, f64::min), 1),
+    )
 }
 
 fn preparations(s: &Subject, claims: &Claims) -> Table {
-    let mut t = Table::new(&["built before the first frame", "time / s", "memory / MiB", "memory / 16-bit volume"]);
-    for c in &claims.costs {
-        let share = c.bytes as f64 / s.volume.voxels().bytes() as f64;
-        t.row(vec![c.name.into(), number(c.seconds, 4), number(mib(c.bytes), 1), number(share, 3)]);
-    }
-    t
+    table!(for c in &claims.costs;
+        "built before the first frame" => c.name,
+        "time / s" => known(c.seconds, 4),
+        "memory / MiB" => known(mib(c.bytes), 1),
+        "memory / 16-bit volume" => known(c.bytes as f64 / s.volume.voxels().bytes() as f64, 3),
+    )
 }
 
 /// Returns the plots: name, plot, caption.
 fn plots(s: &Subject, measured: &[Measured]) -> Vec<(&'static str, Plot, &'static str)> {
     let compared: Vec<&Measured> = measured.iter().filter(|m| !m.method.traits.other_picture).collect();
     let plot = |what: &str, x: &str, y: &str, at: &dyn Fn(&Measured) -> (f64, f64)| {
-        let mut series: Vec<Series> = Vec::new();
-        for m in &compared {
+        let points = compared.iter().map(|m| {
             let (x, y) = at(m);
-            let point = Point { x, y, name: m.method.name.to_owned() };
-            match series.iter_mut().find(|s| s.name == m.method.family) {
-                Some(s) => s.points.push(point),
-                None => series.push(Series { name: m.method.family.to_owned(), points: vec![point], line: false }),
-            }
-        }
-        Plot { title: format!("{}: {what}", s.title), x: x.to_owned(), y: y.to_owned(), front: true, series }
+            (m.method.family.to_owned(), false, Point { x, y, name: m.method.name.to_owned() })
+        });
+        Plot { front: true, ..Plot::new(format!("{}: {what}", s.title), x, y, Series::grouped(points)) }
     };
     let volume = s.volume.voxels().bytes() as f64;
     let time = "median frame / ms";

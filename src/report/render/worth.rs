@@ -14,7 +14,7 @@ use crate::render::{
 use crate::report::flight::Stop;
 use crate::report::median;
 use crate::report::page::Page;
-use crate::report::table::{Cell, Table};
+use crate::report::table::{Table, table};
 use crate::space::PreparedVolume;
 
 use super::{Extent, Subject};
@@ -184,31 +184,20 @@ pub(crate) fn tell(page: &mut Page, s: &Subject, taken: &[Taken], extent: &Exten
 
 /// Returns the table, with a row for each idea.
 pub(crate) fn table(taken: &[Taken], volume: usize) -> Table {
-    let mut t = Table::new(&[
-        "idea",
-        "src/imaging/render/",
-        "setting",
-        "frame with it / ms",
-        "frame without it / ms",
-        "times faster",
-        "samples a ray with it",
-        "samples a ray without it",
-        "memory with it / 16-bit volume",
-        "memory without it / 16-bit volume",
-        "PSNR worst with it / dB",
-        "PSNR worst without it / dB",
-    ]);
     let find = |variant: Variant| taken.iter().find(|t| t.variant == variant);
-    for idea in IDEAS {
-        let (Some(with), Some(without)) = (find(idea.with), find(idea.without)) else { continue };
-        let both = |f: &dyn Fn(&Taken) -> f64, digits| [with, without].map(|t| Cell::Number(f(t), digits));
-        let mut row: Vec<Cell> = vec![idea.name.into(), idea.file.into(), idea.setting.into()];
-        row.extend(both(&|t| median(&t.ms), 2));
-        row.push(Cell::Number(median(&without.ms) / median(&with.ms), 2));
-        row.extend(both(&|t| t.work.samples as f64 / t.work.rays.max(1) as f64, 2));
-        row.extend(both(&|t| t.bytes as f64 / volume as f64, 3));
-        row.extend(both(&|t| t.worst_psnr, 1));
-        t.row(row);
-    }
-    t
+    let samples = |t: &Taken| t.work.samples as f64 / t.work.rays.max(1) as f64;
+    table!(for (idea, with, without) in IDEAS.iter().filter_map(|i| Some((i, find(i.with)?, find(i.without)?)));
+        "idea" => idea.name,
+        "src/imaging/render/" => idea.file,
+        "setting" => idea.setting,
+        "frame with it / ms" => (median(&with.ms), 2),
+        "frame without it / ms" => (median(&without.ms), 2),
+        "times faster" => (median(&without.ms) / median(&with.ms), 2),
+        "samples a ray with it" => (samples(with), 2),
+        "samples a ray without it" => (samples(without), 2),
+        "memory with it / 16-bit volume" => (with.bytes as f64 / volume as f64, 3),
+        "memory without it / 16-bit volume" => (without.bytes as f64 / volume as f64, 3),
+        "PSNR worst with it / dB" => (with.worst_psnr, 1),
+        "PSNR worst without it / dB" => (without.worst_psnr, 1),
+    )
 }

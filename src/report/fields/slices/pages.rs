@@ -1,11 +1,11 @@
 //! The section of the page: its plot, its table, and what they say.
 
 use super::skips::Skip;
-use super::{BASE, Found, Run, Setting};
+use super::{BASE, Run, Setting};
 use crate::error::Result;
 use crate::report::page::Page;
 use crate::report::plot::{Plot, Point, Series};
-use crate::report::table::{Cell, Table};
+use crate::report::table::{Table, table};
 
 /// Writes the section. Returns the findings. Fails with status 5 if a file cannot be written.
 pub(in super::super) fn write(page: &mut Page, phantoms: &[Run], scan: &[Run]) -> Result<Vec<String>> {
@@ -23,11 +23,8 @@ pub(in super::super) fn write(page: &mut Page, phantoms: &[Run], scan: &[Run]) -
         BASE.noise_hu,
         BASE.wall_mm.unwrap_or_default(),
     ));
-    page.plot(
-        "slice-length",
-        &plot(phantoms, scan),
-        "Length of the line found, in percent of the line compared with.",
-    )?;
+    let caption = "Length of the line found, in percent of the line compared with.";
+    page.plot("slice-length", &plot(phantoms, scan), caption)?;
     page.table("slices", &table(phantoms.iter().chain(scan)))?;
     let versions = scan.first().map_or(String::new(), |run| format!("versions of {}", run.volume));
     Ok([finding("scans of phantoms", "the true line", phantoms), finding(&versions, "that of the scan as it is", scan)]
@@ -37,84 +34,46 @@ pub(in super::super) fn write(page: &mut Page, phantoms: &[Run], scan: &[Run]) -
 }
 
 fn plot(phantoms: &[Run], scan: &[Run]) -> Plot {
-    let mut series: Vec<Series> = Vec::new();
     let is_base = |s: Setting| s.noise_hu == BASE.noise_hu && (s.wall_mm.is_none() || s.wall_mm == BASE.wall_mm);
     let shown = phantoms.iter().filter(|r| is_base(r.setting)).map(|r| (r, r.volume.clone()));
     let scanned = scan.iter().map(|r| (r, format!("{}, noise of {} HU added", r.volume, r.setting.noise_hu)));
-    for (run, name) in shown.chain(scanned) {
-        let Some(y) = run.share() else { continue };
-        let point = Point { x: run.setting.slice_mm, y, name: run.seed.map_or(String::new(), |seed| seed.to_string()) };
-        match series.iter_mut().find(|s| s.name == name) {
-            Some(s) => s.points.push(point),
-            None => series.push(Series { name, points: vec![point], line: run.seed.is_none() }),
-        }
-    }
-    Plot {
-        title: "Length of the line over slice thickness; numbers are seeds".to_owned(),
-        x: "slice thickness / mm".to_owned(),
-        y: "share of the length / %".to_owned(),
-        front: false,
-        series,
-    }
+    let points = shown.chain(scanned).filter_map(|(run, series)| {
+        let name = run.seed.map_or(String::new(), |seed| seed.to_string());
+        Some((series, run.seed.is_none(), Point { x: run.setting.slice_mm, y: run.share()?, name }))
+    });
+    let title = "Length of the line over slice thickness; numbers are seeds";
+    Plot::new(title, "slice thickness / mm", "share of the length / %", Series::grouped(points))
 }
 
 pub(super) fn table<'a>(runs: impl Iterator<Item = &'a Run>) -> Table {
-    let mut t = Table::new(&[
-        "volume",
-        "slice / mm",
-        "noise / HU",
-        "wall / mm",
-        "seed",
-        "length / mm",
-        "compared with / mm",
-        "share / %",
-        "begins / mm",
-        "ends / mm",
-        "skips",
-        "largest skip / mm",
-        "where",
-        "narrowest / mm",
-        "guessed / mm",
-        "septum / voxels",
-        "segments",
-        "segments in order",
-        "parts in order",
-        "exit status",
-    ]);
-    for run in runs {
-        let count = |n: usize| Cell::Number(n as f64, 0);
-        let found = run.found.as_ref().ok();
-        let of = |cell: &dyn Fn(&Found) -> Cell| found.map(cell).into();
-        let largest = run.largest_skip();
-        let place = |s: &Skip| {
-            let ([a, b], at) = (s.between_mm, s.at);
-            Cell::Text(format!("{a:.0} to {b:.0} mm at ({:.0} {:.0} {:.0})", at.x, at.y, at.z))
-        };
+    let place = |s: &Skip| {
+        let ([a, b], at) = (s.between_mm, s.at);
+        format!("{a:.0} to {b:.0} mm at ({:.0} {:.0} {:.0})", at.x, at.y, at.z)
+    };
+    table!(for run in runs;
         let Setting { slice_mm, noise_hu, wall_mm } = run.setting;
-        t.row(vec![
-            run.volume.as_str().into(),
-            Cell::Number(slice_mm, 1),
-            Cell::Number(noise_hu, 0),
-            wall_mm.map(|mm| Cell::Number(mm, 1)).into(),
-            run.seed.map(|n| Cell::Number(n as f64, 0)).into(),
-            of(&|f| Cell::Number(f.length_mm, 0)),
-            Cell::Number(run.reference_mm, 0),
-            run.share().map(|share| Cell::Number(share, 1)).into(),
-            of(&|f| Cell::Number(f.ends_mm[0], 0)),
-            of(&|f| Cell::Number(f.ends_mm[1], 0)),
-            of(&|f| count(f.skips.len())),
-            largest.map(|s| Cell::Number(s.mm(), 0)).into(),
-            largest.map(place).into(),
-            of(&|f| f.narrowest_mm.map(|mm| Cell::Number(mm, 1)).into()),
-            of(&|f| Cell::Number(f.guessed_mm, 0)),
-            of(&|f| count(f.septum_voxels)),
-            of(&|f| count(f.segments)),
-            of(&|f| f.order.into()),
-            of(&|f| if f.parts { "yes" } else { "no" }.into()),
-            run.found.as_ref().map_or_else(|why| why.as_str(), |_| "0").into(),
-        ]);
-    }
-    t
+        let (found, largest) = (run.found.as_ref().ok(), run.largest_skip());
+        "volume" => &run.volume,
+        "slice / mm" => (slice_mm, 1),
+        "noise / HU" => (noise_hu, 0),
+        "wall / mm" => (wall_mm, 1),
+        "seed" => run.seed.map(|n| (n as f64, 0)),
+        "length / mm" => found.map(|f| (f.length_mm, 0)),
+        "compared with / mm" => (run.reference_mm, 0),
+        "share / %" => (run.share(), 1),
+        "begins / mm" => found.map(|f| (f.ends_mm[0], 0)),
+        "ends / mm" => found.map(|f| (f.ends_mm[1], 0)),
+        "skips" => found.map(|f| f.skips.len()),
+        "largest skip / mm" => largest.map(|s| (s.mm(), 0)),
+        "where" => largest.map(place),
+        "narrowest / mm" => found.map(|f| (f.narrowest_mm, 1)),
+        "guessed / mm" => found.map(|f| (f.guessed_mm, 0)),
+        "septum / voxels" => found.map(|f| f.septum_voxels),
+        "segments" => found.map(|f| f.segments),
+        "segments in order" => found.map(|f| f.order),
+        "parts in order" => found.map(|f| f.parts),
+        "exit status" => run.found.as_ref().map_or_else(|why| why.as_str(), |_| "0"),
+    )
 }
 
 /// Returns what the runs say, in a sentence or two; `None` if there are none.
@@ -164,6 +123,7 @@ pub(super) fn finding(subject: &str, reference: &str, runs: &[Run]) -> Option<St
 mod tests {
     use glam::DVec3;
 
+    use super::super::Found;
     use super::*;
 
     #[test]
