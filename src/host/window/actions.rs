@@ -1,363 +1,155 @@
-//! The table of actions: what the operator can do in a window, with which keys, and when. Keys, help, menus, buttons and tooltips
+//! The table of actions: what the operator can do in a window by name, and with which keys. Keys, help, menus, buttons and tooltips
 //! are generated from it.
 
-use std::borrow::Cow;
-use std::time::Instant;
-
-use super::controller::FlightController;
+use super::action::{Action, Actions};
+use super::intent::Intent;
 use super::keys::{Chord, Hold, KeySettings};
 use super::layouts::LAYOUTS;
-use super::own_action::{ActionEntry, OwnState};
-use super::panels::{AssistInput, PanelEntry};
+use super::own_action::ActionEntry;
+use super::panels::PanelEntry;
 use super::printed::Printed;
 use crate::app::Overlay;
 use crate::app::catalog::taken;
 use crate::error::{Error, Result, program_name};
 use crate::fields::lumen::GasKind;
 use crate::polyps::answers::Answer;
-use crate::render::ImageSize;
 use crate::schedule::Guides;
 
-/// An action of the operator.
-#[derive(Clone, Debug)]
-pub(crate) struct Action {
-    /// Its name in the settings file.
-    pub id: Cow<'static, str>,
-    /// Short description, for a button's tooltip.
-    pub text: Cow<'static, str>,
-    /// Its row in the help, shared with other actions.
-    row: Cow<'static, str>,
-    /// Its keys.
-    keys: Vec<Chord>,
-    /// The names of these keys on the reader's keyboard.
-    shown: Vec<String>,
-    /// The same keys with Shift: a key pressed as `,` may be released as `<`.
-    shifted: Vec<Chord>,
-    /// The mouse gesture for it.
-    gesture: &'static str,
-    /// True if it repeats while its key is held.
-    pub repeats: bool,
-    /// Checks whether it is possible now. If not, its button is grey and shows the reason.
-    pub possible: Possible,
-    /// What it does.
-    pub effect: Effect,
-    /// The state of an action of another crate.
-    pub own: OwnState,
+/// Returns an action with its description and its keys, which are separated by spaces.
+fn action(id: &'static str, text: &'static str, keys: &str, intent: Intent) -> Action {
+    Action {
+        id: id.into(),
+        text: text.into(),
+        row: text.into(),
+        keys: chords(keys),
+        shown: Vec::new(),
+        shifted: Vec::new(),
+        gesture: "",
+        repeats: false,
+        intent,
+    }
 }
 
-/// The effect of an action.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Effect {
-    /// Steers while the key is held.
-    Hold(Hold),
-    /// Changes the flight, or how it is shown.
-    Once(fn(&mut FlightController, ActionContext)),
-    /// Switches to the guide with this name.
-    HandTo(&'static str),
-    /// Shows or hides the overlay with this number.
-    Overlay(usize),
-    /// A request to the window itself, independent of its content.
-    Window(WindowRequest),
-    /// What another crate wants.
-    Own(ActionEntry),
-    /// None by a key: it is a mouse gesture only.
-    Gesture,
+/// Same as [`action`], in a row of the help that it shares with others.
+fn shared(row: &'static str, id: &'static str, text: &'static str, keys: &str, intent: Intent) -> Action {
+    Action { row: row.into(), ..action(id, text, keys, intent) }
 }
 
-/// Context of an action: the size of the picture and the time.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct ActionContext {
-    /// Size of the flight's picture, pixels.
-    pub window: ImageSize,
-    /// Current time.
-    pub now: Instant,
+fn hold(row: &'static str, id: &'static str, text: &'static str, keys: &str, hold: Hold) -> Action {
+    shared(row, id, text, keys, Intent::Hold(hold))
 }
 
-/// A request to the window itself.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum WindowRequest {
-    /// Toggle full screen.
-    Fullscreen,
-    /// Quit the program; asks first if something is unfinished.
-    Quit,
-    /// Cancel what is under way, or close what covers the window: the innermost of these. Never quits.
-    Cancel,
-    /// Show or hide the list of keys.
-    Help,
-    /// Show or hide the list of scans to open.
-    Open,
-    /// Open the scan anew, for one flight through the whole colon.
-    Whole,
-    /// Show or hide the kinds of gas in the slices, and their panel.
-    Kinds,
-    /// Paint or stop painting what of the wall was not seen, and show or hide its panel.
-    Seen,
-    /// Show the layout with this number.
-    Layout(usize),
-    /// Show or hide the panel with this number.
-    Panel(usize),
+fn gesture(row: &'static str, id: &'static str, text: &'static str, gesture: &'static str) -> Action {
+    Action { gesture, ..shared(row, id, text, "", Intent::Gesture) }
 }
 
-/// The reason why an action is not possible now.
-pub(crate) type WhyNot = Cow<'static, str>;
+impl Action {
+    /// Adds the keys that count as its own with Shift.
+    fn with_shift(self, keys: &str) -> Self {
+        Self { shifted: chords(keys), ..self }
+    }
 
-/// Checks whether an action is possible now. The error states why not.
-pub(crate) type Possible = fn(&FlightController) -> std::result::Result<(), WhyNot>;
+    fn or_by(self, gesture: &'static str) -> Self {
+        Self { gesture, ..self }
+    }
 
-fn always(_: &FlightController) -> std::result::Result<(), WhyNot> {
-    Ok(())
+    fn repeating(self) -> Self {
+        Self { repeats: true, ..self }
+    }
+
+    /// Names the owner of the action, for messages.
+    fn owner(&self) -> String {
+        match self.intent {
+            Intent::Guide(guide) => format!("guide {guide}"),
+            Intent::Overlay(_) | Intent::Panel(_) => self.id.replacen('-', " ", 1),
+            Intent::Own(_) => format!("action {}", self.id),
+            _ => format!("the window's {}", self.id),
+        }
+    }
 }
 
-/// Refuses actions that a replayed log, or a scan without a flight, cannot follow.
-fn flies_itself(c: &FlightController) -> std::result::Result<(), WhyNot> {
-    if c.flight().setup().scene.play().is_some() { Err("a log is replayed".into()) } else { c.may_fly() }
+/// Every action except those of guides, overlays, layouts, panels and other crates, in the order of the help.
+fn table() -> Vec<Action> {
+    use Intent as I;
+    vec![
+        action("pause", "pause, resume", "Space", I::Pause),
+        hold(FLY_ROW[0], "forward", "fly forward", "W Up", Hold::Forward),
+        hold(FLY_ROW[0], "back", "fly back", "S Down", Hold::Back),
+        hold(FLY_ROW[1], "left", "fly left", "A", Hold::Left),
+        hold(FLY_ROW[1], "right", "fly right", "D", Hold::Right),
+        hold(FLY_ROW[2], "up", "fly up", "PageUp", Hold::Up),
+        hold(FLY_ROW[2], "down", "fly down", "PageDown", Hold::Down),
+        hold(LOOK_ROW, "turn-left", "look left", "Left", Hold::TurnLeft),
+        hold(LOOK_ROW, "turn-right", "look right", "Right", Hold::TurnRight),
+        hold(LOOK_ROW, "turn-up", "look up", "Home", Hold::TurnUp),
+        hold(LOOK_ROW, "turn-down", "look down", "End", Hold::TurnDown),
+        gesture(LOOK_ROW, "look", LOOK_ROW, "drag"),
+        hold(ROLL_ROW, "roll-left", "roll counter-clockwise", ",", Hold::RollLeft).with_shift("< ;"),
+        hold(ROLL_ROW, "roll-right", "roll clockwise", ".", Hold::RollRight).with_shift("> :"),
+        gesture(ROLL_ROW, "roll", ROLL_ROW, "right drag, Shift+drag"),
+        shared(ANGLE_ROW, "narrower", "narrower view angle", "[ Ctrl++", I::Zoom(1.0))
+            .with_shift("{ Ctrl+=")
+            .or_by("Ctrl+wheel")
+            .repeating(),
+        shared(ANGLE_ROW, "wider", "wider view angle", "] Ctrl+-", I::Zoom(-1.0)).with_shift("} Ctrl+_").repeating(),
+        action("usual-angle", "reset the view angle", "0 Ctrl+0", I::UsualAngle),
+        shared(SPEED_ROW, "faster", "faster", "+", I::Speed(1.0)).with_shift("=").or_by("wheel").repeating(),
+        shared(SPEED_ROW, "slower", "slower", "-", I::Speed(-1.0)).with_shift("_").repeating(),
+        action("reverse", "turn round and fly back", "R B Backspace", I::Reverse),
+        action("next", "fly to the next segment", "T", I::NextSegment),
+        action("whole", "read the whole colon: one flight from the rectum, tag taken out", "Ctrl+I", I::Whole),
+        action("other-end", "start from the other end", "E", I::OtherEnd),
+        action("guide", "manual, and back to the guide", "G", I::SwitchGuide),
+        gesture("jump to that place on the path", "seek", "jump to a place on the path", "click on the bar"),
+        action("figures", "figures: time of a picture, clearance, detail", "", I::Figures),
+        action("detail", "detail: high or low", "I", I::Detail),
+        action("light", "light: endoscope or headlight", "L", I::Light),
+        action("tag", "tag: taken out, or as scanned", "X", I::Tag),
+        shared(WINDOW_ROW, "window-colon", "window for the colon", "Ctrl+1", I::Greys(0.0, 2000.0)),
+        shared(WINDOW_ROW, "window-soft", "window for soft tissue", "Ctrl+2", I::Greys(40.0, 400.0)),
+        shared(WINDOW_ROW, "window-bone", "window for bone", "Ctrl+3", I::Greys(300.0, 1500.0)),
+        shared(WINDOW_ROW, "window-lung", "window for lung", "Ctrl+4", I::Greys(-600.0, 1500.0)),
+        shared(SLAB_ROW, "slab", "slab thickness", "Ctrl+5", I::Slab),
+        shared(SLAB_ROW, "slab-kind", "projection of a slab: mean, maximum, minimum", "Ctrl+6", I::SlabKind),
+        action("slices-reset", "slices: reset", "Ctrl+9", I::ResetSlices),
+        action("open", "open another scan", "Ctrl+O", I::Files),
+        action("measure", "measure a distance with two clicks, stop measuring", "M C", I::Measure),
+        shared(STEP_ROW, "candidate-next", "next candidate", "Enter", I::Step(true)),
+        shared(STEP_ROW, "candidate-previous", "previous candidate", "Ctrl+Enter", I::Step(false)),
+        shared(ANSWER_ROW, "candidate-yes", "this candidate is a polyp", "Y Ctrl+Y", I::Answer(Answer::Yes)),
+        shared(ANSWER_ROW, "candidate-no", "this candidate is not a polyp", "N Ctrl+N", I::Answer(Answer::No)),
+        shared(ANSWER_ROW, "candidate-unsure", "unsure whether this is a polyp", "U Ctrl+U", I::Answer(Answer::Unsure)),
+        action("candidate-marks", "mark the candidates in all views", "Ctrl+J", I::Mark),
+        action("measure-lesion", "measure a lesion with one click, stop measuring", "Ctrl+M", I::MeasureLesion),
+        action("kinds", "kinds of gas in the slices", "Ctrl+K", I::Kinds),
+        shared(KIND_ROW, "kind-colon", "this gas is colon", "Ctrl+L", I::Kind(Some(GasKind::Colon))),
+        shared(KIND_ROW, "kind-small-bowel", "this gas is small bowel", "Ctrl+B", I::Kind(Some(GasKind::SmallBowel))),
+        shared(KIND_ROW, "kind-stomach", "this gas is stomach", "Ctrl+A", I::Kind(Some(GasKind::Stomach))),
+        shared(KIND_ROW, "kind-lung", "this gas is lung", "Ctrl+H", I::Kind(Some(GasKind::Lung))),
+        shared(KIND_ROW, "kind-trachea", "this gas is trachea", "Ctrl+T", I::Kind(Some(GasKind::Trachea))),
+        shared(KIND_ROW, "kind-unknown", "this gas may be colon", "Ctrl+D", I::Kind(Some(GasKind::Unknown))),
+        shared(KIND_ROW, "kind-as-judged", "restore the automatic kind of this gas", "Ctrl+G", I::Kind(None)),
+        shared(SEEN_ROW, "unseen", "paint the wall that was not seen", "P Ctrl+E", I::Coverage),
+        shared(SEEN_ROW, "missed-next", "fly to the next patch of the wall that was missed", "F Ctrl+F", I::NextMissed),
+        shared(SEEN_ROW, "review", "review: fly past all that was missed, end that", "V Ctrl+V", I::Review),
+        action("undo", "undo the last change to distances, answers or kinds", "Ctrl+Z", I::Undo),
+        action("delete-last", "delete the last distance", "Delete", I::DeleteLast),
+        action("screenshot", "screenshot of all views", "Ctrl+S", I::Screenshot),
+        action("picture", "picture of the flight alone, and its pose", "F12", I::Picture),
+        action("fullscreen", "full screen", "F11", I::Fullscreen),
+        action("help", "list of keys", "H F1", I::Help).with_shift("?"),
+        action("cancel", "cancel, close what covers the window", "Esc", I::Cancel),
+        action("quit", "quit", "Ctrl+Q", I::Quit),
+    ]
 }
 
-/// Refuses what only a flight can follow, in a scan that is looked at without one.
-fn has_flight(c: &FlightController) -> std::result::Result<(), WhyNot> {
-    c.may_fly()
-}
-
-fn has_both_scans(c: &FlightController) -> std::result::Result<(), WhyNot> {
-    c.cleansing().may_switch().map_err(Into::into)
-}
-
-fn has_list(c: &FlightController) -> std::result::Result<(), WhyNot> {
-    c.may_read()
-}
-
-fn has_body(c: &FlightController) -> std::result::Result<(), WhyNot> {
-    c.kinds().may_tell().map_err(Into::into)
-}
-
-fn may_see_missed(c: &FlightController) -> std::result::Result<(), WhyNot> {
-    c.may_see_missed()
-}
-
-/// A replayed log knows no tour.
-fn may_review(c: &FlightController) -> std::result::Result<(), WhyNot> {
-    flies_itself(c).and_then(|()| c.may_see_missed())
-}
-
-fn shows_slices(c: &FlightController) -> std::result::Result<(), WhyNot> {
-    if c.shows_slices() { Ok(()) } else { Err("no slice is shown".into()) }
-}
-
-/// A row of the table.
-struct Row {
-    id: &'static str,
-    text: &'static str,
-    row: &'static str,
-    keys: &'static str,
-    shifted: &'static str,
-    gesture: &'static str,
-    repeats: bool,
-    possible: Possible,
-    effect: Effect,
-}
-
-const ROW: Row = Row {
-    id: "",
-    text: "",
-    row: "",
-    keys: "",
-    shifted: "",
-    gesture: "",
-    repeats: false,
-    possible: always,
-    effect: Effect::Gesture,
-};
-
-const fn hold(id: &'static str, text: &'static str, row: &'static str, keys: &'static str, hold: Hold) -> Row {
-    Row { id, text, row, keys, effect: Effect::Hold(hold), ..ROW }
-}
-
-const fn once(
-    id: &'static str,
-    text: &'static str,
-    keys: &'static str,
-    effect: fn(&mut FlightController, ActionContext),
-) -> Row {
-    Row { id, text, row: text, keys, effect: Effect::Once(effect), ..ROW }
-}
-
-/// Every action except those of guides and overlays, in the order of the help. Keys are separated by spaces.
-const TABLE: &[Row] = &[
-    Row { possible: has_flight, ..once("pause", "pause, resume", "Space", FlightController::switch_pause) },
-    hold("forward", "fly forward", "fly forward, back", "W Up", Hold::Forward),
-    hold("back", "fly back", "fly forward, back", "S Down", Hold::Back),
-    hold("left", "fly left", "fly left, right", "A", Hold::Left),
-    hold("right", "fly right", "fly left, right", "D", Hold::Right),
-    hold("up", "fly up", "fly up, down", "PageUp", Hold::Up),
-    hold("down", "fly down", "fly up, down", "PageDown", Hold::Down),
-    hold("turn-left", "look left", "look around", "Left", Hold::TurnLeft),
-    hold("turn-right", "look right", "look around", "Right", Hold::TurnRight),
-    hold("turn-up", "look up", "look around", "Home", Hold::TurnUp),
-    hold("turn-down", "look down", "look around", "End", Hold::TurnDown),
-    Row { id: "look", row: "look around", gesture: "drag", ..ROW },
-    Row { shifted: "< ;", ..hold("roll-left", "roll counter-clockwise", "roll the view", ",", Hold::RollLeft) },
-    Row { shifted: "> :", ..hold("roll-right", "roll clockwise", "roll the view", ".", Hold::RollRight) },
-    Row { id: "roll", row: "roll the view", gesture: "right drag, Shift+drag", ..ROW },
-    Row {
-        row: "view angle: narrower, wider",
-        shifted: "{ Ctrl+=",
-        gesture: "Ctrl+wheel",
-        repeats: true,
-        possible: has_flight,
-        ..once("narrower", "narrower view angle", "[ Ctrl++", |c, _| c.zoom(1.0))
-    },
-    Row {
-        row: "view angle: narrower, wider",
-        shifted: "} Ctrl+_",
-        repeats: true,
-        possible: has_flight,
-        ..once("wider", "wider view angle", "] Ctrl+-", |c, _| c.zoom(-1.0))
-    },
-    Row {
-        possible: has_flight,
-        ..once("usual-angle", "reset the view angle", "0 Ctrl+0", FlightController::usual_angle)
-    },
-    Row {
-        row: "faster, slower",
-        shifted: "=",
-        gesture: "wheel",
-        repeats: true,
-        possible: has_flight,
-        ..once("faster", "faster", "+", |c, _| c.change_speed_by(1.0))
-    },
-    Row {
-        row: "faster, slower",
-        shifted: "_",
-        repeats: true,
-        possible: has_flight,
-        ..once("slower", "slower", "-", |c, _| c.change_speed_by(-1.0))
-    },
-    Row {
-        possible: flies_itself,
-        ..once("reverse", "turn round and fly back", "R B Backspace", FlightController::reverse)
-    },
-    Row { possible: flies_itself, ..once("next", "fly to the next segment", "T", FlightController::next_segment) },
-    Row {
-        effect: Effect::Window(WindowRequest::Whole),
-        possible: flies_itself,
-        ..once("whole", "read the whole colon: one flight from the rectum, tag taken out", "Ctrl+I", |_, _| {})
-    },
-    Row { possible: flies_itself, ..once("other-end", "start from the other end", "E", FlightController::other_end) },
-    Row {
-        possible: flies_itself,
-        ..once("guide", "manual, and back to the guide", "G", FlightController::switch_guide)
-    },
-    Row {
-        id: "seek",
-        text: "jump to a place on the path",
-        row: "jump to that place on the path",
-        gesture: "click on the bar",
-        ..ROW
-    },
-    once("figures", "figures: time of a picture, clearance, detail", "", FlightController::switch_figures),
-    Row { possible: has_flight, ..once("detail", "detail: high or low", "I", FlightController::switch_detail) },
-    Row { possible: has_flight, ..once("light", "light: endoscope or headlight", "L", FlightController::switch_light) },
-    Row { possible: has_both_scans, ..once("tag", "tag: taken out, or as scanned", "X", FlightController::switch_tag) },
-    greys("window-colon", "window for the colon", "Ctrl+1", |c, _| c.window(0.0, 2000.0)),
-    greys("window-soft", "window for soft tissue", "Ctrl+2", |c, _| c.window(40.0, 400.0)),
-    greys("window-bone", "window for bone", "Ctrl+3", |c, _| c.window(300.0, 1500.0)),
-    greys("window-lung", "window for lung", "Ctrl+4", |c, _| c.window(-600.0, 1500.0)),
-    Row {
-        row: SLAB_ROW,
-        possible: shows_slices,
-        ..once("slab", "slab thickness", "Ctrl+5", FlightController::next_slab)
-    },
-    Row {
-        row: SLAB_ROW,
-        possible: shows_slices,
-        ..once("slab-kind", "projection of a slab: mean, maximum, minimum", "Ctrl+6", FlightController::next_slab_kind)
-    },
-    Row { possible: shows_slices, ..once("slices-reset", "slices: reset", "Ctrl+9", FlightController::reset_slices) },
-    Row { effect: Effect::Window(WindowRequest::Open), ..once("open", "open another scan", "Ctrl+O", |_, _| {}) },
-    once("measure", "measure a distance with two clicks, stop measuring", "M C", FlightController::switch_measuring),
-    Row {
-        row: STEP_ROW,
-        possible: has_list,
-        ..once("candidate-next", "next candidate", "Enter", |c, at| c.assist(AssistInput::Step(true), at.now))
-    },
-    Row {
-        row: STEP_ROW,
-        possible: has_list,
-        ..once("candidate-previous", "previous candidate", "Ctrl+Enter", |c, at| {
-            c.assist(AssistInput::Step(false), at.now);
-        })
-    },
-    answer("candidate-yes", "this candidate is a polyp", "Y Ctrl+Y", |c, at| {
-        c.assist(AssistInput::Answer(Answer::Yes), at.now);
-    }),
-    answer("candidate-no", "this candidate is not a polyp", "N Ctrl+N", |c, at| {
-        c.assist(AssistInput::Answer(Answer::No), at.now);
-    }),
-    answer("candidate-unsure", "unsure whether this is a polyp", "U Ctrl+U", |c, at| {
-        c.assist(AssistInput::Answer(Answer::Unsure), at.now);
-    }),
-    Row {
-        possible: has_list,
-        ..once("candidate-marks", "mark the candidates in all views", "Ctrl+J", |c, at| {
-            c.assist(AssistInput::Mark, at.now);
-        })
-    },
-    Row {
-        possible: has_list,
-        ..once("measure-lesion", "measure a lesion with one click, stop measuring", "Ctrl+M", |c, at| {
-            c.assist(AssistInput::Measure, at.now);
-        })
-    },
-    Row {
-        effect: Effect::Window(WindowRequest::Kinds),
-        ..once("kinds", "kinds of gas in the slices", "Ctrl+K", |_, _| {})
-    },
-    kind("kind-colon", "this gas is colon", "Ctrl+L", |c, at| c.tell_kind(Some(GasKind::Colon), at.now)),
-    kind("kind-small-bowel", "this gas is small bowel", "Ctrl+B", |c, at| {
-        c.tell_kind(Some(GasKind::SmallBowel), at.now);
-    }),
-    kind("kind-stomach", "this gas is stomach", "Ctrl+A", |c, at| c.tell_kind(Some(GasKind::Stomach), at.now)),
-    kind("kind-lung", "this gas is lung", "Ctrl+H", |c, at| c.tell_kind(Some(GasKind::Lung), at.now)),
-    kind("kind-trachea", "this gas is trachea", "Ctrl+T", |c, at| c.tell_kind(Some(GasKind::Trachea), at.now)),
-    kind("kind-unknown", "this gas may be colon", "Ctrl+D", |c, at| c.tell_kind(Some(GasKind::Unknown), at.now)),
-    kind("kind-as-judged", "restore the automatic kind of this gas", "Ctrl+G", |c, at| c.tell_kind(None, at.now)),
-    Row {
-        effect: Effect::Window(WindowRequest::Seen),
-        row: SEEN_ROW,
-        ..once("unseen", "paint the wall that was not seen", "P Ctrl+E", |_, _| {})
-    },
-    Row {
-        row: SEEN_ROW,
-        possible: may_see_missed,
-        ..once("missed-next", "fly to the next patch of the wall that was missed", "F Ctrl+F", |c, at| {
-            c.next_missed(at.now);
-        })
-    },
-    Row {
-        row: SEEN_ROW,
-        possible: may_review,
-        ..once("review", "review: fly past all that was missed, end that", "V Ctrl+V", |c, at| c.switch_review(at.now))
-    },
-    once("undo", "undo the last change to distances, answers or kinds", "Ctrl+Z", FlightController::undo),
-    once("delete-last", "delete the last distance", "Delete", FlightController::delete_last_measure),
-    once("screenshot", "screenshot of all views", "Ctrl+S", FlightController::order_photograph),
-    Row {
-        possible: has_flight,
-        ..once("picture", "picture of the flight alone, and its pose", "F12", FlightController::take_screenshot)
-    },
-    Row { effect: Effect::Window(WindowRequest::Fullscreen), ..once("fullscreen", "full screen", "F11", |_, _| {}) },
-    Row {
-        shifted: "?",
-        effect: Effect::Window(WindowRequest::Help),
-        ..once("help", "list of keys", "H F1", |_, _| {})
-    },
-    Row {
-        effect: Effect::Window(WindowRequest::Cancel),
-        ..once("cancel", "cancel, close what covers the window", "Esc", |_, _| {})
-    },
-    Row { effect: Effect::Window(WindowRequest::Quit), ..once("quit", "quit", "Ctrl+Q", |_, _| {}) },
-];
-
+/// Rows of the help for keys that fly in opposite directions.
+const FLY_ROW: [&str; 3] = ["fly forward, back", "fly left, right", "fly up, down"];
+/// Rows of the help for the keys that turn and roll the view, and that change the view angle and the speed.
+const LOOK_ROW: &str = "look around";
+const ROLL_ROW: &str = "roll the view";
+const ANGLE_ROW: &str = "view angle: narrower, wider";
+const SPEED_ROW: &str = "faster, slower";
 /// Row of the help for the keys of grey-level windows.
 const WINDOW_ROW: &str = "window: colon, soft tissue, bone, lung";
 /// Row of the help for the wall that was not seen.
@@ -371,33 +163,6 @@ const STEP_ROW: &str = "candidates: next, previous";
 const KIND_ROW: &str = "gas: colon, small bowel, stomach, lung, trachea, unknown, automatic";
 const ANSWER_ROW: &str = "candidate: yes, no, unsure";
 
-const fn answer(
-    id: &'static str,
-    text: &'static str,
-    keys: &'static str,
-    effect: fn(&mut FlightController, ActionContext),
-) -> Row {
-    Row { row: ANSWER_ROW, possible: has_list, ..once(id, text, keys, effect) }
-}
-
-const fn kind(
-    id: &'static str,
-    text: &'static str,
-    keys: &'static str,
-    effect: fn(&mut FlightController, ActionContext),
-) -> Row {
-    Row { row: KIND_ROW, possible: has_body, ..once(id, text, keys, effect) }
-}
-
-const fn greys(
-    id: &'static str,
-    text: &'static str,
-    keys: &'static str,
-    effect: fn(&mut FlightController, ActionContext),
-) -> Row {
-    Row { row: WINDOW_ROW, possible: shows_slices, ..once(id, text, keys, effect) }
-}
-
 /// The rows of guides and overlays follow this action's row.
 const OWN_AFTER: &str = "guide";
 /// The rows of layouts and panels follow this action's row.
@@ -406,110 +171,12 @@ const LAYOUTS_AFTER: &str = "fullscreen";
 /// The row of the help that lists all layouts.
 const LAYOUT_ROW: &str = "panels: flight alone, reading, slices, across the path";
 
-/// The entry of a menu that stands for all actions of other crates.
-pub(crate) const OWN: &str = "";
-
-/// The menus: actions by their ids. An id that ends in `-` includes all ids with that prefix.
-pub(crate) const MENUS: &[(&str, &[&str])] = &[
-    ("File", &["open", "screenshot", "picture", "quit"]),
-    ("Flight", &["pause", "guide", "guide-", "reverse", "whole", "next", "other-end", "faster", "slower", OWN]),
-    (
-        "View",
-        &[
-            "tag",
-            "detail",
-            "light",
-            "narrower",
-            "wider",
-            "usual-angle",
-            "unseen",
-            "missed-next",
-            "review",
-            "overlay-",
-            "figures",
-            "fullscreen",
-        ],
-    ),
-    ("Slices", &["window-", "slab", "slab-kind", "slices-reset", "kinds", "kind-"]),
-    ("Measure", &["measure", "undo", "delete-last", "measure-lesion"]),
-    ("Candidates", &["panel-candidates", "candidate-"]),
-    ("Panels", &["layout-", "panel-"]),
-    ("Help", &["help", "cancel"]),
-];
-
 fn chords(keys: &str) -> Vec<Chord> {
-    keys.split_whitespace().filter_map(|k| k.parse().ok()).collect()
+    let all: Vec<Chord> = keys.split_whitespace().filter_map(|k| k.parse().ok()).collect();
+    #[cfg(test)]
+    assert_eq!(all.len(), keys.split_whitespace().count(), "{keys}");
+    all
 }
-
-impl From<&Row> for Action {
-    fn from(r: &Row) -> Self {
-        Self {
-            id: r.id.into(),
-            text: if r.text.is_empty() { r.row.into() } else { r.text.into() },
-            row: r.row.into(),
-            keys: chords(r.keys),
-            shown: Vec::new(),
-            shifted: chords(r.shifted),
-            gesture: r.gesture,
-            repeats: r.repeats,
-            possible: r.possible,
-            effect: r.effect,
-            own: OwnState::default(),
-        }
-    }
-}
-
-impl Action {
-    /// True if it can be performed by its id, without a key that is held or a gesture.
-    pub(crate) fn is_performed(&self) -> bool {
-        !matches!(self.effect, Effect::Hold(_) | Effect::Gesture)
-    }
-
-    /// Returns its first key, for a menu.
-    pub(crate) fn key_text(&self) -> String {
-        self.shown.first().cloned().unwrap_or_default()
-    }
-
-    /// Returns its description, for a menu or a button.
-    pub(crate) fn title(&self) -> String {
-        let mut letters = self.text.chars();
-        letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
-    }
-
-    /// Names the owner of the action, for messages.
-    fn owner(&self) -> String {
-        match self.effect {
-            Effect::HandTo(guide) => format!("guide {guide}"),
-            Effect::Overlay(_) | Effect::Window(WindowRequest::Panel(_)) => self.id.replacen('-', " ", 1),
-            Effect::Own(_) => format!("action {}", self.id),
-            _ => format!("the window's {}", self.id),
-        }
-    }
-}
-
-/// A row of the list of keys.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct HelpRow {
-    /// The keys and gestures; empty if it has none.
-    pub keys: String,
-    /// What they do.
-    pub text: String,
-    /// The action's id, if it can be performed by a click.
-    pub id: Option<String>,
-}
-
-/// Rows of the list of keys that belong together.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Group {
-    /// Its title.
-    pub title: String,
-    /// Its rows.
-    pub rows: Vec<HelpRow>,
-}
-
-/// All actions of a window.
-#[derive(Clone, Debug)]
-pub(crate) struct Actions(Vec<Action>);
 
 impl Actions {
     /// Creates the actions of a window without those of other crates.
@@ -535,51 +202,53 @@ impl Actions {
         more: &[ActionEntry],
         settings: &KeySettings,
     ) -> Result<Self> {
-        let own = |id: String, text: String, row: String, key: Option<char>, effect: Effect| Action {
+        let own = |id: String, text: String, row: String, key: Option<char>, intent: Intent| Action {
             id: id.into(),
             text: text.into(),
             row: row.into(),
             keys: key.into_iter().map(Chord::character).collect(),
-            effect,
-            ..Action::from(&ROW)
+            ..action("", "", "", intent)
         };
-        let window = |n: usize| Effect::Window(WindowRequest::Layout(n));
         let names: Vec<&str> = guides.iter().filter(|g| g.key.is_some()).map(|g| g.name).collect();
         let mut all = Vec::new();
-        for row in TABLE {
-            all.push(Action::from(row));
-            if row.id == OWN_AFTER {
+        for action in table() {
+            let id = action.id.clone();
+            all.push(action);
+            if id == OWN_AFTER {
                 all.extend(guides.iter().map(|g| {
                     let text = format!("switch to guide {}", g.name);
-                    own(format!("guide-{}", g.name), text, names.join(", "), g.key, Effect::HandTo(g.name))
+                    own(format!("guide-{}", g.name), text, names.join(", "), g.key, Intent::Guide(g.name))
                 }));
                 all.extend(overlays.iter().enumerate().map(|(n, o)| {
                     let text = o.summary.to_owned();
-                    own(format!("overlay-{}", o.name), text.clone(), text, o.key, Effect::Overlay(n))
+                    own(format!("overlay-{}", o.name), text.clone(), text, o.key, Intent::Overlay(n))
                 }));
             }
-            if row.id == LAYOUTS_AFTER {
+            if id == LAYOUTS_AFTER {
                 all.extend(LAYOUTS.iter().enumerate().map(|(n, l)| Action {
                     keys: chords(l.key),
-                    ..own(format!("layout-{}", l.name), l.text.to_owned(), LAYOUT_ROW.to_owned(), None, window(n))
+                    ..own(
+                        format!("layout-{}", l.name),
+                        l.text.to_owned(),
+                        LAYOUT_ROW.to_owned(),
+                        None,
+                        Intent::Layout(n),
+                    )
                 }));
                 all.extend(panels.iter().enumerate().map(|(n, p)| {
-                    let (text, effect) = (format!("panel: {}", p.title), Effect::Window(WindowRequest::Panel(n)));
-                    own(format!("panel-{}", p.name), text.clone(), text, p.key, effect)
+                    let text = format!("panel: {}", p.title);
+                    own(format!("panel-{}", p.name), text.clone(), text, p.key, Intent::Panel(n))
                 }));
-                all.extend(more.iter().map(|a| {
+                all.extend(more.iter().enumerate().map(|(n, a)| {
                     let text = if a.text.is_empty() { a.id } else { a.text };
-                    let effect = Effect::Own(*a);
-                    Action {
-                        repeats: a.repeats,
-                        ..own(a.id.to_owned(), text.to_owned(), text.to_owned(), a.key, effect)
-                    }
+                    let own = own(a.id.to_owned(), text.to_owned(), text.to_owned(), a.key, Intent::Own(n));
+                    Action { repeats: a.repeats, ..own }
                 }));
             }
         }
         for (id, keys) in settings {
             let action = all.iter_mut().find(|a| a.id == *id);
-            let Some(action) = action.filter(|a| !matches!(a.effect, Effect::Gesture)) else {
+            let Some(action) = action.filter(|a| !matches!(a.intent, Intent::Gesture)) else {
                 let why = format!("there is no action {id:?}");
                 let hint = format!("{} explain lists them under \"actions of the window\"", program_name());
                 return Err(Error::usage("keys: action", why, hint));
@@ -590,16 +259,6 @@ impl Actions {
         let actions = Self(all);
         actions.check()?;
         Ok(actions.on(&Printed::default()))
-    }
-
-    /// Returns the same actions with their keys named as a keyboard prints them. Where that is the key of another action, which
-    /// comes first, the name stays: `Ctrl+6` on a French keyboard, whose key prints a hyphen and, with Shift, a 6.
-    pub(crate) fn on(&self, keyboard: &Printed) -> Self {
-        let taken: Vec<String> =
-            self.0.iter().flat_map(|a| a.keys.iter().chain(&a.shifted)).map(ToString::to_string).collect();
-        let name = |key: &Chord| Some(keyboard.name(key)).filter(|n| !taken.contains(n)).unwrap_or(key.to_string());
-        let named = |a: &Action| Action { shown: a.keys.iter().map(name).collect(), ..a.clone() };
-        Self(self.0.iter().map(named).collect())
     }
 
     /// Checks that each key has one action.
@@ -632,127 +291,12 @@ impl Actions {
         }
         Ok(())
     }
-
-    /// Returns the action of a key.
-    pub(crate) fn of_key(&self, key: &Chord) -> Option<&Action> {
-        self.0.iter().find(|a| a.keys.contains(key) || a.shifted.contains(key))
-    }
-
-    /// Returns the actions of a menu entry.
-    pub(crate) fn of_menu<'a>(&'a self, entry: &'a str) -> impl Iterator<Item = &'a Action> {
-        self.0.iter().filter(move |a| match a.effect {
-            Effect::Own(_) => entry == OWN,
-            _ if entry.ends_with('-') => a.id.starts_with(entry),
-            _ => a.id == entry,
-        })
-    }
-
-    /// Returns the action with that name.
-    pub(crate) fn named(&self, id: &str) -> Option<&Action> {
-        self.0.iter().find(|a| a.id == id)
-    }
-
-    /// Returns the first key of the action with that name; empty if it has none. Messages name keys with this or [`Actions::hint`],
-    /// because a settings file may have changed them.
-    pub(crate) fn key(&self, id: &str) -> String {
-        self.named(id).map_or_else(String::new, Action::key_text)
-    }
-
-    /// Returns the end of a message that names an action's key, ` (N flies to the next)`; empty if the action has none.
-    pub(crate) fn hint(&self, id: &str, what: &str) -> String {
-        let key = self.key(id);
-        if key.is_empty() { key } else { format!(" ({key} {what})") }
-    }
-
-    /// Returns the key that quits; empty if there is none.
-    pub(crate) fn quit_key(&self) -> String {
-        self.key("quit")
-    }
-
-    /// Returns the most needed keys in one line.
-    pub(crate) fn short_help(&self) -> String {
-        let part = |ids: &[&str], what: &str| {
-            let keys: Vec<String> = ids.iter().map(|id| self.key(id)).filter(|k| !k.is_empty()).collect();
-            (!keys.is_empty()).then(|| format!("{} {what}", keys.join(" ")))
-        };
-        let parts = [
-            part(&["help"], "keys"),
-            part(&["pause"], "pause"),
-            part(&["forward", "left", "back", "right"], "steer"),
-            Some("drag to look".to_owned()),
-            part(&["reverse"], "turn round"),
-        ];
-        parts.into_iter().flatten().collect::<Vec<_>>().join("   ")
-    }
-
-    /// Returns everything that the operator can do, in groups: the keys that steer, then as in the menus. Every action is there once.
-    pub(crate) fn groups(&self) -> Vec<Group> {
-        let steers = |a: &Action| matches!(a.effect, Effect::Hold(_) | Effect::Gesture);
-        let mut steer: Vec<HelpRow> = Vec::new();
-        for (keys, text) in self.rows_of(steers) {
-            steer.push(HelpRow { keys, text, id: None });
-        }
-        let mut groups = vec![Group { title: "Steer".to_owned(), rows: steer }];
-        let row = |a: &Action| {
-            let keys = a.shown.iter().cloned().chain(Some(a.gesture.to_owned()).filter(|g| !g.is_empty()));
-            HelpRow { keys: keys.collect::<Vec<_>>().join(", "), text: a.text.to_string(), id: Some(a.id.to_string()) }
-        };
-        let mut listed: Vec<&str> = Vec::new();
-        for (title, entries) in MENUS {
-            let mut rows = Vec::new();
-            for action in entries.iter().flat_map(|e| self.of_menu(e)).filter(|a| !steers(a)) {
-                if !listed.contains(&action.id.as_ref()) {
-                    listed.push(&action.id);
-                    rows.push(row(action));
-                }
-            }
-            groups.push(Group { title: (*title).to_owned(), rows });
-        }
-        let rest: Vec<HelpRow> =
-            self.0.iter().filter(|a| !steers(a) && !listed.contains(&a.id.as_ref())).map(row).collect();
-        groups.push(Group { title: "More".to_owned(), rows: rest });
-        groups.retain(|g| !g.rows.is_empty());
-        groups
-    }
-
-    /// Returns id, keys and text of every action that can have a key, in the order of the help.
-    pub(crate) fn list(&self) -> Vec<[String; 3]> {
-        let keyed = self.0.iter().filter(|a| !matches!(a.effect, Effect::Gesture));
-        let keys = |a: &Action| a.keys.iter().map(Chord::to_string).collect::<Vec<_>>().join(", ");
-        keyed.map(|a| [a.id.to_string(), keys(a), a.text.to_string()]).collect()
-    }
-
-    /// Returns all keys with their descriptions, a row for each task, in the order of the table.
-    pub(crate) fn help(&self) -> Vec<(String, String)> {
-        self.rows_of(|_| true)
-    }
-
-    /// Returns the keys of some actions with their descriptions, a row for each task.
-    fn rows_of(&self, wanted: impl Fn(&Action) -> bool) -> Vec<(String, String)> {
-        let mut rows: Vec<(&str, Vec<&Action>)> = Vec::new();
-        for action in self.0.iter().filter(|a| wanted(a)) {
-            match rows.iter_mut().find(|r| r.0 == action.row) {
-                Some((_, all)) => all.push(action),
-                None => rows.push((&action.row, vec![action])),
-            }
-        }
-        let keys = |all: &[&Action]| {
-            // Opposite keys side by side: "W S, Up Down".
-            let most = all.iter().map(|a| a.keys.len()).max().unwrap_or(0);
-            let of = |n: usize| all.iter().filter_map(|a| a.shown.get(n)).cloned().collect::<Vec<_>>().join(" ");
-            let gestures = all.iter().map(|a| a.gesture.to_owned()).filter(|g| !g.is_empty());
-            (0..most).map(of).chain(gestures).collect::<Vec<_>>().join(", ")
-        };
-        rows.iter()
-            .map(|(what, all)| (keys(all), (*what).to_owned()))
-            .filter(|(keys, what)| !keys.is_empty() && !what.is_empty())
-            .collect()
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::host::window::action::{MENUS, OWN};
     use crate::host::window::panels;
     use crate::systems::guides;
 
@@ -763,11 +307,12 @@ mod tests {
     }
 
     #[test]
-    fn every_text_of_the_table_is_read() {
-        for row in TABLE {
-            assert_eq!(chords(row.keys).len(), row.keys.split_whitespace().count(), "{}", row.id);
-            assert_eq!(chords(row.shifted).len(), row.shifted.split_whitespace().count(), "{}", row.id);
-            assert_eq!(TABLE.iter().filter(|r| r.id == row.id).count(), 1, "{}", row.id);
+    fn every_action_of_the_table_is_there_once() {
+        let all = table();
+        for action in &all {
+            assert_eq!(all.iter().filter(|a| a.id == action.id).count(), 1, "{}", action.id);
+            let same = all.iter().filter(|a| a.intent == action.intent).count();
+            assert!(same == 1 || action.intent == Intent::Gesture, "{}", action.id);
         }
     }
 
@@ -890,7 +435,7 @@ mod tests {
         let all = actions(&[]).unwrap();
         let groups = all.groups();
         let ids: Vec<&str> = groups.iter().flat_map(|g| &g.rows).filter_map(|r| r.id.as_deref()).collect();
-        let expected = all.0.iter().filter(|a| !matches!(a.effect, Effect::Hold(_) | Effect::Gesture));
+        let expected = all.0.iter().filter(|a| !matches!(a.intent, Intent::Hold(_) | Intent::Gesture));
         let mut expected: Vec<&str> = expected.map(|a| a.id.as_ref()).collect();
         let mut found = ids.clone();
         expected.sort_unstable();

@@ -267,6 +267,7 @@ mod tests {
     use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scene};
     use crate::components::slices::{Orientation, SliceView};
     use crate::fields::lumen;
+    use crate::host::window::contract::WindowView;
     use crate::host::window::controller::FlightController;
     use crate::host::window::controller::tests::{cockpit_of, perform, trace};
     use crate::phantom::PhantomSettings;
@@ -332,7 +333,7 @@ mod tests {
         let [nx, ny, _] = grid.dims();
         let place = grid.world(DVec3::from_array([deep % nx, deep / nx % ny, deep / nx / ny].map(|v| v as f64)));
         let slice = |c: &mut FlightController| {
-            c.slice(crate::host::window::panels::SliceInput::Point(place), now);
+            c.slice(crate::host::window::intent::SliceInput::Point(place), now);
             let due = c.prepare(ImageSize::new(96, 72), &[(Orientation::Axial, [80, 60])], now).unwrap();
             c.show(due).unwrap();
             let entity = c.slices().entity(Orientation::Axial).unwrap();

@@ -2,6 +2,7 @@
 
 mod assisting;
 mod commanding;
+mod executing;
 mod faults;
 mod history;
 mod looking;
@@ -19,10 +20,11 @@ use std::time::{Duration, Instant};
 use bevy_ecs::change_detection::Mut;
 use glam::DVec3;
 
-use super::actions::{Action, ActionContext, Actions, Effect};
+use super::action::Actions;
 use super::assistant::Assistant;
 use super::background::{Background, BackgroundTask};
 use super::cleansing::Cleansing;
+use super::contract::WindowView;
 use super::directions::Directions;
 use super::field_job;
 use super::figures::Figures;
@@ -33,7 +35,7 @@ use super::measures::Measures;
 use super::moving::Moving;
 use super::overlay::HudState;
 use super::overlays::Overlays;
-use super::panels::FlightInput;
+use super::own_action::OwnActions;
 use super::place::{Bar, Chosen, Place, which_segment};
 use super::seen::Seen;
 use super::slices::Slices;
@@ -130,6 +132,8 @@ pub(crate) struct FlightController {
     last_guide: &'static str,
     overlays: Overlays,
     actions: Rc<Actions>,
+    /// The actions of other crates.
+    pub(super) own: Rc<OwnActions>,
     /// Pixels per point of the window.
     scale: f32,
     /// True if there is something new to show although the flight rests.
@@ -138,10 +142,6 @@ pub(crate) struct FlightController {
     unflown: Option<String>,
     /// Why there is no picture, while the scene makes none.
     pictureless: Option<String>,
-    /// Where a flight of such a scan was asked for, world mm.
-    start_at: Option<DVec3>,
-    /// True if a screenshot of all views was asked for.
-    is_photograph_due: bool,
     /// The folder of screenshots that was set.
     screenshots: Option<PathBuf>,
 }
@@ -216,24 +216,23 @@ impl FlightController {
             last_guide,
             overlays: Overlays::new(overlays),
             actions,
+            own: Rc::default(),
             scale: 1.0,
             attention: false,
             unflown: None,
             pictureless: None,
-            start_at: None,
-            is_photograph_due: false,
             screenshots: None,
         })
-    }
-
-    /// Returns the flight.
-    pub(crate) fn flight(&self) -> &FlightApp {
-        &self.flight
     }
 
     /// Returns the flight for modification, for example to take its log.
     pub(crate) fn flight_mut(&mut self) -> &mut FlightApp {
         &mut self.flight
+    }
+
+    /// Takes the actions of other crates.
+    pub(crate) fn set_own(&mut self, own: Rc<OwnActions>) {
+        self.own = own;
     }
 
     /// Sets the pixels per point of the window.
@@ -372,24 +371,6 @@ impl FlightController {
         self.sent = (push, turn);
     }
 
-    /// Executes a panel's request to the flight.
-    pub(crate) fn follow(&mut self, request: FlightInput, at: ActionContext) {
-        match request {
-            FlightInput::Look([right, down]) => self.drag((right, down), at.window),
-            FlightInput::Roll(right) => self.roll(right, at.window),
-            FlightInput::Zoom(notches) => self.zoom(notches),
-            FlightInput::Speed(notches) => self.change_speed_by(notches),
-            FlightInput::Seek(share) => self.seek(share, at.now),
-            FlightInput::Click(pixel) => self.click(pixel, at.now),
-            FlightInput::LookAt(pixel) => self.look_at(pixel, at.now),
-            FlightInput::DeleteMeasure(n) => {
-                let kept = self.measures.delete(n);
-                self.note_changes();
-                self.report_kept(kept, at.now);
-            }
-        }
-    }
-
     /// Turns the view by a mouse drag, in pixels to the right and downwards, in a window of the given size.
     pub(crate) fn drag(&mut self, (right, down): (f64, f64), window: ImageSize) {
         let fov = self.flight.camera::<Picture>().map_or(90.0, |p| p.fov_degrees);
@@ -438,80 +419,43 @@ impl FlightController {
         self.flight.camera().copied().unwrap_or_default()
     }
 
-    /// Performs an action, or reports why it is not possible. Held keys are handled by [`FlightController::steer`], requests
-    /// to the window by the window, and actions of other crates by [`FlightController::begin_own`].
-    pub(crate) fn perform(&mut self, action: &Action, at: ActionContext) {
-        if self.refuse(action, at.now) {
-            return;
-        }
-        match action.effect {
-            Effect::Once(act) => act(self, at),
-            Effect::HandTo(guide) => self.hand_over(guide, at.now),
-            Effect::Overlay(n) => self.overlays.switch(n),
-            Effect::Hold(_) | Effect::Window(_) | Effect::Own(_) | Effect::Gesture => return,
-        }
-        self.attention = true;
-        self.figures.touch();
-    }
-
-    /// Reports why an action is not possible. Returns false if it is.
-    pub(crate) fn refuse(&mut self, action: &Action, now: Instant) -> bool {
-        let Some(why) = action.why_not(self) else { return false };
-        self.say(format!("{}: not while {why}", action.text), now);
-        true
-    }
-
     /// Pauses or resumes the flight.
-    pub(crate) fn switch_pause(&mut self, at: ActionContext) {
+    fn switch_pause(&mut self, now: Instant) {
         let paused = !self.hand().paused;
         if !paused {
             self.slices.follow();
         }
-        self.act(HandCommand::Pause(paused), at.now);
+        self.act(HandCommand::Pause(paused), now);
     }
 
     /// Switches to manual control, or back to the last guide.
-    pub(crate) fn switch_guide(&mut self, at: ActionContext) {
+    fn switch_guide(&mut self, now: Instant) {
         let by_hand = self.flight.setup().scene.guides.iter().find(|g| !g.automatic).map(|g| g.name);
         let next = if self.is_by_hand() { Some(self.last_guide) } else { by_hand };
         if let Some(next) = next {
-            self.hand_over(next, at.now);
+            self.hand_over(next, now);
         }
     }
 
     /// Resets the view angle to its initial value.
-    pub(crate) fn usual_angle(&mut self, at: ActionContext) {
-        self.change_angle(self.flight.setup().scene.image.fov_degrees, at.now);
+    fn usual_angle(&mut self, now: Instant) {
+        self.change_angle(self.flight.setup().scene.image.fov_degrees, now);
     }
 
     /// Turns round and flies back.
-    pub(crate) fn reverse(&mut self, at: ActionContext) {
-        if self.act(FlightCommand::Reverse, at.now) {
-            self.say("flying back", at.now);
+    fn reverse(&mut self, now: Instant) {
+        if self.act(FlightCommand::Reverse, now) {
+            self.say("flying back", now);
         }
     }
 
     /// Restarts from the other end.
-    pub(crate) fn other_end(&mut self, at: ActionContext) {
-        self.act(FlightCommand::OtherEnd, at.now);
-    }
-
-    /// True if the state that an action switches is on, for its button.
-    pub(crate) fn is_on(&self, id: &str) -> bool {
-        match id {
-            "pause" => {
-                let goes_on = self.is_by_hand() || self.flight.flight().state != State::Arrived;
-                self.unflown.is_none() && self.hand().paused && goes_on
-            }
-            "measure" => self.measures.is_on(),
-            "figures" => self.figures.are_all(),
-            "measure-lesion" => self.measures_lesions(),
-            _ => false,
-        }
+    fn other_end(&mut self, now: Instant) {
+        self.act(FlightCommand::OtherEnd, now);
     }
 
     /// Cancels the tool in use: measuring, a flight to a place, a review. Returns false if there is none.
-    pub(crate) fn cancel(&mut self, at: ActionContext) -> bool {
+    pub(crate) fn cancel(&mut self, now: Instant) -> bool {
         let said = if self.measures.is_on() {
             self.measures.switch();
             "not measuring any more"
@@ -521,12 +465,12 @@ impl FlightController {
         } else if self.travel.take().is_some() {
             "stopped on the way"
         } else if self.flight.tour().is_some() {
-            self.switch_review(at.now);
+            self.switch_review(now);
             return true;
         } else {
             return false;
         };
-        self.say(said, at.now);
+        self.say(said, now);
         true
     }
 
@@ -623,7 +567,7 @@ impl FlightController {
     }
 
     /// Switches between the scan without tag and the scan as it is.
-    pub(crate) fn switch_tag(&mut self, ActionContext { now, .. }: ActionContext) {
+    fn switch_tag(&mut self, now: Instant) {
         let shown = self.cleansing.switch(&mut self.flight);
         self.slices.patch(self.cleansing.other(&self.flight));
         self.say(shown, now);
@@ -668,27 +612,27 @@ impl FlightController {
     }
 
     /// Shows or hides the figures that only a developer needs.
-    pub(crate) fn switch_figures(&mut self, ActionContext { now, .. }: ActionContext) {
+    fn switch_figures(&mut self, now: Instant) {
         let what = if self.figures.switch_all() { "all figures" } else { "speed and guide alone" };
         self.say(what, now);
     }
 
     /// Switches between high and low detail.
-    pub(crate) fn switch_detail(&mut self, ActionContext { now, .. }: ActionContext) {
+    fn switch_detail(&mut self, now: Instant) {
         if let Some(quality) = self.view_renderer.switch_detail(&mut self.flight) {
             self.say(format!("detail: {}", quality.name()), now);
         }
     }
 
     /// Switches between the endoscope's light and the headlight.
-    pub(crate) fn switch_light(&mut self, ActionContext { now, .. }: ActionContext) {
+    fn switch_light(&mut self, now: Instant) {
         if let Some(light) = self.view_renderer.switch_light(&mut self.flight) {
             self.say(format!("light: {}", light.name()), now);
         }
     }
 
     /// Flies the next segment that is not yet flown. If there is none, flies the next segment of all.
-    pub(crate) fn next_segment(&mut self, ActionContext { now, .. }: ActionContext) {
+    fn next_segment(&mut self, now: Instant) {
         let count = self.flight.setup().lumen.segments.len();
         // The next segment that is not yet flown, otherwise the next of all.
         let here = self.flight.setup().plan.segment.map_or(0, |n| n + 1);

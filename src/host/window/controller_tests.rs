@@ -7,9 +7,10 @@ use crate::app::{FlightRequest, ImageSettings, OpenOptions, Plan, Scan, Scene};
 use crate::components::flight::Flight;
 use crate::components::slices::Orientation;
 use crate::fields::lumen;
+use crate::host::window::intent::{ActionContext, Intent, SliceInput};
 use crate::host::window::keys::Hold;
 use crate::host::window::keys::KeySettings;
-use crate::host::window::panels::{BUILT_IN, FlightInput, SliceInput};
+use crate::host::window::panels::BUILT_IN;
 use crate::phantom::PhantomSettings;
 use crate::progress::Progress;
 use crate::render::{ImageSize, Preset, Quality, Settings};
@@ -90,8 +91,13 @@ fn cockpit_with(
 
 /// Performs the action with that name.
 pub(crate) fn perform(c: &mut FlightController, action: &str, now: Instant) {
-    let actions = Rc::clone(&c.actions);
-    c.perform(actions.named(action).unwrap(), ActionContext { window: WINDOW, now });
+    let intent = c.actions.named(action).unwrap().intent.clone();
+    wish(c, intent, now);
+}
+
+/// Does what is wanted, as far as it is not left to the window.
+pub(crate) fn wish(c: &mut FlightController, intent: Intent, now: Instant) {
+    c.execute(intent, ActionContext { window: WINDOW, now });
 }
 
 /// Renders the picture that is due. Returns true if there is one.
@@ -536,15 +542,15 @@ fn distances_are_measured_on_the_wall_and_in_slices() {
     perform(&mut c, "measure", now);
     let at = ActionContext { window: WINDOW, now };
     let middle = WINDOW.height as f64 / 2.0;
-    c.follow(FlightInput::Click([4.0, middle]), at);
+    c.execute(Intent::Click([4.0, middle]), at);
     assert!(c.measures().begun().is_some());
-    c.follow(FlightInput::Click([WINDOW.width as f64 - 4.0, middle]), at);
+    c.execute(Intent::Click([WINDOW.width as f64 - 4.0, middle]), at);
     let made = c.measures().list()[0];
     assert!((made.mm() - 20.0).abs() < 0.6, "from wall to wall of a tube of 20 mm: {}", made.text());
     // The camera is half a millimetre off the middle.
     assert!((made.from.y - made.to.y).abs() < 1.5 && made.from.x < made.to.x);
     // Mixed: from the wall to a point of a slice.
-    c.follow(FlightInput::Click([4.0, middle]), at);
+    c.execute(Intent::Click([4.0, middle]), at);
     c.slice(SliceInput::Click(made.from + DVec3::Y * 3.0), now);
     assert!((c.measures().list()[1].mm() - 3.0).abs() < 1e-6);
     perform(&mut c, "undo", now);
@@ -559,7 +565,7 @@ fn a_double_click_flies_to_what_it_looks_at() {
     let (mut c, mut now) = (controller("tentacles"), Instant::now());
     fly(&mut c, &mut now, 2);
     trace(&mut c, now);
-    c.follow(FlightInput::LookAt([70.0, 36.0]), ActionContext { window: WINDOW, now });
+    c.execute(Intent::LookAt([70.0, 36.0]), ActionContext { window: WINDOW, now });
     let place = c.slices().cursor().unwrap();
     fly(&mut c, &mut now, 60);
     let pose = c.flight().pose();
@@ -626,9 +632,9 @@ fn nothing_goes_on_after_an_arrival() {
     fly(&mut c, &mut now, 2);
     perform(&mut c, "pause", now);
     fly(&mut c, &mut now, 2);
-    assert!(c.is_on("pause"));
+    assert!(c.is_on(&Intent::Pause));
     c.flight.camera_mut::<Flight>().unwrap().state = State::Arrived;
-    assert_eq!((c.is_on("pause"), c.hud(now).state.as_str()), (false, "arrived"));
+    assert_eq!((c.is_on(&Intent::Pause), c.hud(now).state.as_str()), (false, "arrived"));
 }
 
 #[test]

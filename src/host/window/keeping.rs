@@ -230,6 +230,7 @@ mod tests {
     use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scan, Scene};
     use crate::components::input::{FlightCommand, Hand, HandCommand};
     use crate::coverage::LiveCoverage;
+    use crate::host::window::contract::WindowView;
     use crate::host::window::controller::tests::{cockpit_of, flight, trace};
 
     /// What a window keeps in a folder, as it is when it opens a scan.

@@ -3,10 +3,12 @@
 //! No other part of the program depends on winit, softbuffer or egui. The flight is the same [`FlightApp`] that flies without a
 //! window. Operator input reaches it as [commands](crate::components::input::Command), so that it can be recorded and replayed.
 
+mod action;
 mod actions;
 mod assistant;
 mod background;
 mod cleansing;
+mod contract;
 mod controller;
 mod directions;
 mod display;
@@ -15,9 +17,11 @@ mod figures;
 mod folders;
 mod framebuffer;
 mod framing;
+mod intent;
 mod interface;
 mod job;
 mod keeping;
+mod key_list;
 mod keys;
 mod kinds;
 mod last_words;
@@ -74,7 +78,7 @@ use crate::polyps::Detector;
 use crate::progress::Progress;
 use crate::render::ImageSize;
 use crate::schedule::Guides;
-use actions::Actions;
+use action::Actions;
 #[doc(hidden)]
 pub use assistant::Took as AssistantTook;
 #[doc(hidden)]
@@ -131,7 +135,7 @@ pub fn action_list(
 pub fn key_page(guides: &Guides, overlays: &[Overlay], panels: &[PanelEntry], more: &[ActionEntry]) -> Result<String> {
     let groups = Actions::of(guides, overlays, panels, more, &KeySettings::new())?.groups();
     let wide = groups.iter().flat_map(|g| &g.rows).map(|r| r.keys.chars().count()).max().unwrap_or(0);
-    let group = |g: &actions::Group| {
+    let group = |g: &key_list::Group| {
         let rows = g.rows.iter().map(|r| format!("  {:wide$}  {}\n", r.keys, r.text));
         format!("{}\n{}", g.title, rows.collect::<String>())
     };

@@ -3,9 +3,8 @@
 use std::borrow::Cow;
 use std::cell::{Cell, OnceCell};
 
-use super::actions::{Action, Effect, WhyNot};
-use super::controller::FlightController;
-use super::panels::{Context, Request, Requests};
+use super::contract::{Context, Requests};
+use super::intent::{Intent, WhyNot};
 use crate::app::FlightApp;
 use crate::panics;
 use crate::schedule::note;
@@ -56,57 +55,70 @@ impl ActionEntry {
     pub const BASE: Self = Self { id: "", text: "", key: None, repeats: false, possible: |_| Ok(()), run: |_, _| {} };
 }
 
+/// The actions of other crates in a window, by their numbers.
+#[derive(Debug, Default)]
+pub(crate) struct OwnActions(Vec<(ActionEntry, OwnState)>);
+
 /// The state of an action of another crate.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct OwnState {
+#[derive(Debug, Default)]
+struct OwnState {
     /// Why it is switched off: it has panicked.
     fault: OnceCell<String>,
     /// True from its beginning until what it asked for was done.
     is_under_way: Cell<bool>,
 }
 
-impl Action {
-    /// Returns why it is not possible now; `None` if it is possible.
-    pub(crate) fn why_not(&self, c: &FlightController) -> Option<WhyNot> {
-        let Effect::Own(entry) = self.effect else { return (self.possible)(c).err() };
-        if let Some(why) = self.own.fault.get() {
+impl OwnActions {
+    /// Takes the actions, in their order.
+    pub(crate) fn new(entries: &[ActionEntry]) -> Self {
+        Self(entries.iter().map(|e| (*e, OwnState::default())).collect())
+    }
+
+    /// Returns why an action is not possible now; `None` if it is possible.
+    pub(crate) fn why_not(&self, n: usize, flight: &FlightApp) -> Option<WhyNot> {
+        let Some((entry, state)) = self.0.get(n) else { return Some("there is none".into()) };
+        if let Some(why) = state.fault.get() {
             return Some(format!("it is switched off ({why})").into());
         }
-        match panics::catch(|| (entry.possible)(c.flight())) {
+        match panics::catch(|| (entry.possible)(flight)) {
             Ok(possible) => possible.err(),
             Err(why) => {
-                self.switch_off(&why);
-                self.why_not(c)
+                switch_off(entry, state, &why);
+                self.why_not(n, flight)
             }
         }
     }
 
-    /// Runs an action of another crate and returns what it asks for. It is under way until [`Action::end`]: until then it does not
-    /// begin once more, however it is asked for. `None` if it has not begun.
-    pub(crate) fn begin(&self, entry: &ActionEntry, context: &Context<'_>) -> Option<Vec<Request>> {
-        if self.own.is_under_way.replace(true) {
-            note(format!("action {}", self.id), "asks for itself, and runs only once");
+    /// Runs an action and returns what it asks for. It is under way until [`OwnActions::end`]: until then it does not begin once
+    /// more, however it is asked for. `None` if it has not begun.
+    pub(crate) fn begin(&self, n: usize, context: &Context<'_>) -> Option<Vec<Intent>> {
+        let (entry, state) = self.0.get(n)?;
+        let name = format!("action {}", entry.id);
+        if state.is_under_way.replace(true) {
+            note(name, "asks for itself, and runs only once");
             return None;
         }
         let mut requests = Requests::default();
         if let Err(why) = panics::catch(|| (entry.run)(context, &mut requests)) {
-            self.switch_off(&why);
+            switch_off(entry, state, &why);
             requests = Requests::default();
         }
-        requests.refuse_from(0, context.actions, &format!("action {}", self.id));
+        requests.refuse_from(0, context.actions, &name);
         Some(requests.take())
     }
 
     /// Ends an action that was begun.
-    pub(crate) fn end(&self) {
-        self.own.is_under_way.set(false);
+    pub(crate) fn end(&self, n: usize) {
+        if let Some((_, state)) = self.0.get(n) {
+            state.is_under_way.set(false);
+        }
     }
+}
 
-    /// Notes that it has panicked.
-    fn switch_off(&self, why: &str) {
-        note(format!("action {}", self.id), format!("panicked: {why}; it is switched off"));
-        self.own.fault.get_or_init(|| format!("panicked: {why}"));
-    }
+/// Notes that an action has panicked.
+fn switch_off(entry: &ActionEntry, state: &OwnState, why: &str) {
+    note(format!("action {}", entry.id), format!("panicked: {why}; it is switched off"));
+    state.fault.get_or_init(|| format!("panicked: {why}"));
 }
 
 #[cfg(test)]
@@ -117,10 +129,14 @@ mod tests {
 
     use super::*;
     use crate::components::input::{FlightCommand, HandCommand};
-    use crate::host::window::actions::Actions;
+    use crate::host::window::action::{Actions, MENUS};
     use crate::host::window::background::Background;
+    use crate::host::window::contract::WindowView;
+    use crate::host::window::controller::FlightController;
     use crate::host::window::controller::tests::flight;
+    use crate::host::window::intent::{ActionContext, SliceInput};
     use crate::host::window::keys::KeySettings;
+    use crate::render::ImageSize;
     use crate::schedule::Guides;
 
     fn actions(own: &[ActionEntry]) -> crate::error::Result<Actions> {
@@ -129,16 +145,19 @@ mod tests {
         Actions::of(&Guides::default(), &[], &[], own, &settings)
     }
 
-    fn controller_with(own: &[ActionEntry]) -> (FlightController, Rc<Actions>) {
+    fn controller_with(own: &[ActionEntry]) -> FlightController {
         let actions = Rc::new(actions(own).unwrap());
-        let c =
-            FlightController::new(flight("manual"), Background::new(Arc::new(|| {})), Vec::new(), Rc::clone(&actions));
-        (c.unwrap(), actions)
+        let background = Background::new(Arc::new(|| {}));
+        let mut c = FlightController::new(flight("manual"), background, Vec::new(), actions).unwrap();
+        c.set_own(Rc::new(OwnActions::new(own)));
+        c
     }
 
-    fn begin(c: &mut FlightController, action: &Action) -> Option<Vec<Request>> {
-        let Effect::Own(entry) = action.effect else { return None };
-        c.begin_own(action, &entry, &[], Instant::now())
+    /// Begins the only action.
+    fn begin(c: &mut FlightController) -> Option<Vec<Intent>> {
+        let left = c.execute(Intent::Own(0), ActionContext { window: ImageSize::new(0, 0), now: Instant::now() })?;
+        assert_eq!(left, Intent::Own(0));
+        c.begin_own(0, &[])
     }
 
     const MARK: ActionEntry = ActionEntry {
@@ -164,7 +183,7 @@ mod tests {
         for row in [("Z", "mark this place"), ("Ctrl+R", "last")] {
             assert!(help.iter().any(|r| (r.0.as_str(), r.1.as_str()) == row), "{row:?}");
         }
-        let menus = super::super::actions::MENUS.iter().map(|m| {
+        let menus = MENUS.iter().map(|m| {
             let listed = m.1.iter().flat_map(|entry| all.of_menu(entry)).map(|a| a.id.to_string());
             (m.0, listed.filter(|id| id == "mark" || id == "last").collect::<Vec<_>>())
         });
@@ -188,27 +207,26 @@ mod tests {
 
     #[test]
     fn it_asks_for_what_it_wants_once() {
-        let (mut c, actions) = controller_with(&[MARK]);
-        let (mark, place) = (actions.named("mark").unwrap(), c.flight().pose().position);
-        let asked = begin(&mut c, mark).unwrap();
+        let mut c = controller_with(&[MARK]);
+        let place = c.flight().pose().position;
+        let asked = begin(&mut c).unwrap();
         assert_eq!(asked.len(), 3);
-        assert_eq!(asked[0], Request::Slice(super::super::panels::SliceInput::Point(place)));
-        assert_eq!(asked[1..], [Request::Command(HandCommand::Pause(true).into()), Request::Say("marked".to_owned())]);
+        assert_eq!(asked[0], Intent::Slice(SliceInput::Point(place)));
+        assert_eq!(asked[1..], [Intent::Command(HandCommand::Pause(true).into()), Intent::Say("marked".to_owned())]);
         // What it asks for may ask for it again.
-        assert!(begin(&mut c, mark).is_none());
+        assert!(begin(&mut c).is_none());
         let told = c.flight_mut().take_notes().join("\n");
         assert!(told.contains("action mark asks for itself"), "{told}");
-        mark.end();
-        assert!(begin(&mut c, mark).is_some());
+        c.own.end(0);
+        assert!(begin(&mut c).is_some());
     }
 
     #[test]
     fn one_that_is_not_possible_is_refused_with_its_reason() {
         let never = ActionEntry { possible: |_| Err("it rains".into()), ..MARK };
-        let (mut c, actions) = controller_with(&[never]);
-        let action = actions.named("mark").unwrap();
-        assert_eq!(action.why_not(&c).as_deref(), Some("it rains"));
-        assert!(begin(&mut c, action).is_none());
+        let mut c = controller_with(&[never]);
+        assert_eq!(c.why_not(&Intent::Own(0)).as_deref(), Some("it rains"));
+        assert!(begin(&mut c).is_none());
         assert_eq!(c.hud(Instant::now()).message.as_deref(), Some("mark this place: not while it rains"));
     }
 
@@ -221,22 +239,21 @@ mod tests {
         let runs = ActionEntry { run: half, ..MARK };
         let asks = ActionEntry { possible: |_| panic!("asked badly"), ..MARK };
         for (bad, word) in [(runs, "ran badly"), (asks, "asked badly")] {
-            let (mut c, actions) = controller_with(&[bad]);
-            let action = actions.named("mark").unwrap();
-            let asked = begin(&mut c, action).unwrap_or_default();
+            let mut c = controller_with(&[bad]);
+            let asked = begin(&mut c).unwrap_or_default();
             assert!(asked.is_empty(), "{asked:?}");
-            action.end();
+            c.own.end(0);
             let notes = c.flight_mut().take_notes();
             assert!(notes.len() == 1 && notes[0].starts_with("action mark panicked: ") && notes[0].contains(word));
-            let why = action.why_not(&c).unwrap();
+            let why = c.why_not(&Intent::Own(0)).unwrap();
             assert!(why.contains("switched off") && why.contains(word), "{why}");
-            assert!(begin(&mut c, action).is_none() && c.flight_mut().take_notes().is_empty());
+            assert!(begin(&mut c).is_none() && c.flight_mut().take_notes().is_empty());
         }
     }
 
     #[test]
     fn commands_are_followed_or_told_why_not() {
-        let (mut c, _) = controller_with(&[]);
+        let mut c = controller_with(&[]);
         let now = Instant::now();
         c.flight_mut().commands.start();
         c.command(HandCommand::Speed(0.1 + 0.2).into(), now);

@@ -5,11 +5,12 @@ use std::time::Instant;
 
 use egui::{Align2, LayerId, RawInput, Rect, Ui, pos2};
 
+use super::contract::Context;
 use super::interface::{Interface, WindowSize};
 use super::layer::Layer;
 use super::overlay::HudState;
 use super::painter::Artist;
-use super::panels::{Context, flight, slices};
+use super::panels::{flight, slices};
 use super::style::{self, DISCLAIMER, INK, SOFT, TEXT, angle};
 use crate::components::output::Picture;
 use crate::components::slices::Orientation;
@@ -137,7 +138,7 @@ fn painted(size: WindowSize, mut draw: impl FnMut(&mut Ui)) -> Option<Layer> {
 fn labels(context: &Context<'_>, views: &Views) -> [String; 2] {
     let setup = context.flight.setup();
     let position = setup.lumen.lying.map(|l| l.position.name().to_owned());
-    let place = Some(context.hud.place.clone()).filter(|p| !p.is_empty() && context.controller.unflown().is_none());
+    let place = Some(context.hud.place.clone()).filter(|p| !p.is_empty() && context.view.unflown().is_none());
     // The name of a file may be that of a patient, and a picture leaves the program.
     let series = context.series().map(|n| format!("series {n}"));
     let what = [series, position, place];
@@ -178,10 +179,11 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::host::window::actions::{ActionContext, Actions};
+    use crate::host::window::action::Actions;
+    use crate::host::window::contract::WindowView;
     use crate::host::window::controller::tests::{controller, perform};
+    use crate::host::window::intent::SliceInput;
     use crate::host::window::keys::KeySettings;
-    use crate::host::window::panels::SliceInput;
 
     #[test]
     fn views_are_where_the_window_has_them_with_what_is_drawn_over_them_and_a_strip() {
@@ -219,8 +221,7 @@ mod tests {
         let alone = Views { flight: None, ..both };
         let before = taken(&mut c, &alone).0.unwrap().with(None);
         assert_eq!(before.width(), 300);
-        let context = ActionContext { window: ImageSize::new(0, 0), now };
-        perform(&mut c, "measure", context.now);
+        perform(&mut c, "measure", now);
         let here = c.flight().pose().position;
         for place in [here, here + DVec3::X * 5.0] {
             c.slice(SliceInput::Click(place), now);

@@ -289,6 +289,7 @@ mod tests {
     use super::*;
     use crate::app::{FlightRequest, OpenOptions, Scan, Scene};
     use crate::components::still::StillView;
+    use crate::host::window::contract::WindowView;
     use crate::host::window::controller::tests::{cockpit_of, trace};
     use crate::phantom::PhantomSettings;
     use crate::shared::shared;

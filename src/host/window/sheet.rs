@@ -4,9 +4,9 @@ use egui::style::ScrollStyle;
 use egui::{Align, Key, Modal, RichText, ScrollArea, TextEdit, Ui, vec2};
 
 use super::Asked;
-use super::actions::Group;
+use super::contract::{Context, Requests};
+use super::key_list::Group;
 use super::keys::Chord;
-use super::panels::{Context, Requests};
 use super::style::{SOFT, Severity};
 
 /// Least width of a column of keys, points.
@@ -262,7 +262,7 @@ fn quit(ui: &Ui, why: &str, keeps: bool) -> Answer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::host::window::actions::HelpRow;
+    use crate::host::window::key_list::HelpRow;
 
     fn group(title: &str, rows: &[(&str, &str)]) -> Group {
         let row =

@@ -16,18 +16,20 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy};
 use winit::keyboard::{Key, ModifiersState};
 use winit::window::{Fullscreen, Window, WindowId};
 
-use super::actions::{Action, ActionContext, Actions, Effect, WindowRequest};
+use super::action::{Action, Actions};
 use super::assistant::Assistant;
 use super::background::Background;
+use super::contract::{Context, Requests, WindowView, refuse_action, scan_name};
 use super::controller::FlightController;
 use super::framebuffer::{Framebuffer, Places};
+use super::intent::{ActionContext, Intent};
 use super::interface::{Interface, WindowSize};
 use super::keeping::{self, Keeping};
 use super::keys::HeldKeys;
 use super::loading::{Loading, Prepare, Ready, Unflown};
 use super::overlay::{self, Content};
+use super::own_action::OwnActions;
 use super::panels::open::FileList;
-use super::panels::{Context, Request, Requests, SeenInput, refuse_action};
 use super::photograph::Views;
 use super::placement::Placement;
 use super::present_timer::PresentTimer;
@@ -36,7 +38,7 @@ use super::recent::Recent;
 use super::settings;
 use super::sheet::{self, Sheet};
 use super::stroke::{Pressed, Stroke};
-use super::workspace::{Workspace, scan_name};
+use super::workspace::Workspace;
 use super::{Asked, Finish, Launch, Opening, Resume, Shown};
 use crate::app::Overlay;
 use crate::components::slices::Orientation;
@@ -145,6 +147,8 @@ pub(crate) struct Shell {
     overlays: Vec<Overlay>,
     detector: Detector,
     actions: Rc<Actions>,
+    /// The actions of other crates.
+    own: Rc<OwnActions>,
     /// What the keyboard prints.
     printed: Printed,
     /// The error in the settings file.
@@ -229,6 +233,7 @@ impl Shell {
             overlays: launch.overlays,
             detector: launch.detector,
             actions: Rc::new(actions),
+            own: Rc::new(OwnActions::new(&launch.actions)),
             printed: Printed::default(),
             unsettled,
             outcome: Ok(()),
@@ -396,6 +401,7 @@ impl Shell {
         }
         let mut controller =
             FlightController::new(flight, self.background.clone(), overlays, Rc::clone(&self.actions))?;
+        controller.set_own(Rc::clone(&self.own));
         controller.set_detector(self.detector);
         if self.seconds.is_some() {
             controller.limit_time();
@@ -454,9 +460,7 @@ impl Shell {
         let action = actions.of_key(&chord).or_else(|| actions.of_key(&chord.plain()).filter(|_| !pressed));
         let Some(action) = action.filter(|_| !pressed || !other) else { return };
         // A sheet covers everything that other keys would change unseen.
-        let is_of_sheet = |a: &Action| {
-            matches!(a.effect, Effect::Window(WindowRequest::Cancel | WindowRequest::Help | WindowRequest::Quit))
-        };
+        let is_of_sheet = |a: &Action| matches!(a.intent, Intent::Cancel | Intent::Help | Intent::Quit);
         if pressed && !is_of_sheet(action) {
             match self.sheet {
                 Some(ref sheet) if sheet.is_closed_by(&chord) => return self.close_sheet(),
@@ -467,14 +471,14 @@ impl Shell {
             }
         }
         let once = pressed && (action.repeats || !event.repeat);
-        match (action.effect, &mut self.stage) {
-            (Effect::Hold(hold), Stage::Flying(c)) => {
+        match (&action.intent, &mut self.stage) {
+            (&Intent::Hold(hold), Stage::Flying(c)) => {
                 if pressed {
                     self.pressed.press(event.physical_key, hold);
                 }
                 c.steer(|held| if pressed { held.press(hold) } else { held.release(hold) }, now);
             }
-            _ if once => self.run(action, now, events),
+            _ if once => self.execute(action.intent.clone(), now, events),
             _ => {}
         }
     }
@@ -536,7 +540,7 @@ impl Shell {
         let output = self.interface.lay_out(input.take_egui_input(window), size, now, |ui| {
             match (&content, stage) {
                 (Content::Flight(hud), Stage::Flying(controller)) => {
-                    let context = Context::new(controller, actions, recent, hud).of_scan(opening, series);
+                    let context = Context::new(&**controller, actions, recent, hud).of_scan(opening, series);
                     let context = context.headed(workspace.is_headed());
                     workspace.ui(&context, ui, &mut requests);
                     if let Some(sheet) = sheet {
@@ -594,92 +598,79 @@ impl Shell {
     }
 
     /// Executes the requests of panels.
-    fn follow(&mut self, requests: impl Iterator<Item = Request>, now: Instant, events: &ActiveEventLoop) {
+    fn follow(&mut self, requests: impl Iterator<Item = Intent>, now: Instant, events: &ActiveEventLoop) {
         for request in requests {
-            match request {
-                Request::Open(path, series) => self.open_scan(path, series, events),
-                Request::Flight(request) => {
-                    let moment = self.moment(now);
-                    if let Stage::Flying(controller) = &mut self.stage {
-                        controller.follow(request, moment);
-                    }
-                }
-                Request::Slice(request) => {
-                    if let Stage::Flying(controller) = &mut self.stage {
-                        controller.slice(request, now);
-                        if let Some(place) = controller.take_start() {
-                            self.start_at(place, events);
-                        }
-                    }
-                }
-                Request::Assist(request) => {
-                    if let Stage::Flying(controller) = &mut self.stage {
-                        controller.assist(request, now);
-                    }
-                }
-                Request::Kind(kind) => {
-                    if let Stage::Flying(controller) = &mut self.stage {
-                        controller.tell_kind(kind, now);
-                    }
-                }
-                Request::Seen(request) => {
-                    if let Stage::Flying(controller) = &mut self.stage {
-                        match request {
-                            SeenInput::List => controller.list_missed(now),
-                            SeenInput::Visit(n) => controller.visit_missed(n, now),
-                        }
-                    }
-                }
-                Request::Command(command) => {
-                    if let Stage::Flying(controller) = &mut self.stage {
-                        controller.command(command, now);
-                    }
-                }
-                Request::Say(text) => {
-                    if let Stage::Flying(controller) = &mut self.stage {
-                        controller.say_for(&text, now);
-                    }
-                }
-                Request::Action(id) => match Rc::clone(&self.actions).named(&id) {
-                    Some(action) if action.is_performed() => self.run(action, now, events),
-                    found => refuse_action(&id, found.is_some(), None),
-                },
-            }
+            self.execute(request, now, events);
         }
     }
 
-    /// Performs an action once.
-    fn run(&mut self, action: &Action, now: Instant, events: &ActiveEventLoop) {
+    /// Does what the operator wants, by whatever key, button or panel.
+    fn execute(&mut self, intent: Intent, now: Instant, events: &ActiveEventLoop) {
         let moment = self.moment(now);
-        match (action.effect, &mut self.stage) {
-            (Effect::Window(request), stage) => {
-                let is_refused = if let Stage::Flying(c) = stage { c.refuse(action, now) } else { false };
-                if is_refused {
-                    self.touched = true;
-                } else {
-                    self.run_window(request, events);
-                }
-            }
-            (Effect::Once(_) | Effect::HandTo(_) | Effect::Overlay(_), Stage::Flying(c)) => {
-                c.perform(action, moment);
-                self.photograph(now);
-            }
-            (Effect::Own(entry), Stage::Flying(c)) => {
-                if let Some(requests) = c.begin_own(action, &entry, self.recent.scans(), now) {
+        let left = match &mut self.stage {
+            Stage::Flying(c) => c.execute(intent, moment),
+            Stage::Loading(_) | Stage::Failed(_) | Stage::Over => Some(intent),
+        };
+        if let Some(left) = left {
+            self.execute_own(left, now, events);
+        }
+    }
+
+    /// Does what concerns the window itself.
+    fn execute_own(&mut self, intent: Intent, now: Instant, events: &ActiveEventLoop) {
+        self.touched = true;
+        match intent {
+            Intent::Action(id) => match Rc::clone(&self.actions).named(&id) {
+                Some(action) if action.is_performed() => self.execute(action.intent.clone(), now, events),
+                found => refuse_action(&id, found.is_some(), None),
+            },
+            Intent::Own(n) => {
+                let Stage::Flying(c) = &mut self.stage else { return };
+                if let Some(requests) = c.begin_own(n, self.recent.scans()) {
                     self.follow(requests.into_iter(), now, events);
-                    action.end();
+                    self.own.end(n);
                 }
-                self.touched = true;
             }
-            (
-                Effect::Once(_)
-                | Effect::HandTo(_)
-                | Effect::Overlay(_)
-                | Effect::Own(_)
-                | Effect::Hold(_)
-                | Effect::Gesture,
-                _,
-            ) => {}
+            Intent::Screenshot => self.photograph(now),
+            Intent::Kinds => {
+                let is_shown = matches!(&self.stage, Stage::Flying(c) if c.kinds().is_shown());
+                self.workspace.show_named("kinds", is_shown);
+            }
+            Intent::Coverage => {
+                let is_shown = matches!(&self.stage, Stage::Flying(c) if c.seen().is_painted());
+                self.workspace.show_named("missed", is_shown);
+            }
+            Intent::Open(path, series) => self.open_scan(path, series, events),
+            Intent::StartAt(place) => self.start_at(place, events),
+            Intent::Whole if matches!(self.stage, Stage::Flying(_)) && self.unflown.is_none() => {
+                let (input, series) = (self.opening.clone(), self.series);
+                self.open_asked(Asked { input, series, is_flying: true, is_whole: true }, events);
+            }
+            Intent::Files => self.workspace.switch_named("open"),
+            Intent::Fullscreen => self.switch_fullscreen(),
+            Intent::Help => match &self.sheet {
+                Some(Sheet::Keys { .. }) => self.close_sheet(),
+                _ => {
+                    // The keyboard's layout may have changed since.
+                    self.name_keys();
+                    self.sheet = Some(Sheet::keys());
+                }
+            },
+            Intent::Layout(n) => self.workspace.choose(n),
+            Intent::Panel(n) => self.workspace.switch(n),
+            Intent::Cancel => self.cancel(events),
+            Intent::Quit => match &self.stage {
+                Stage::Flying(c) if !matches!(self.sheet, Some(Sheet::Quit { .. })) => match c.unfinished() {
+                    Some(why) => {
+                        let keeps = self.keeping.as_ref().is_some_and(Keeping::keeps);
+                        self.sheet = Some(Sheet::Quit { why, keeps });
+                    }
+                    None => self.quit(events),
+                },
+                _ => self.quit(events),
+            },
+            // Of a flight, while there is none.
+            _ => {}
         }
     }
 
@@ -689,13 +680,12 @@ impl Shell {
 
     /// Cancels the innermost of what is under way: a sheet, a tool, the list of scans, full screen, the loading of a scan.
     fn cancel(&mut self, events: &ActiveEventLoop) {
-        let moment = self.moment(Instant::now());
         if self.sheet.is_some() {
             return self.close_sheet();
         }
         match &mut self.stage {
             Stage::Flying(c) => {
-                if c.cancel(moment) || self.workspace.hide_named("open") {
+                if c.cancel(Instant::now()) || self.workspace.hide_named("open") {
                     return;
                 }
             }
@@ -716,55 +706,6 @@ impl Shell {
         self.actions = Rc::new(self.actions.on(&self.printed));
         if let Stage::Flying(c) = &mut self.stage {
             c.name_keys_by(Rc::clone(&self.actions));
-        }
-        self.touched = true;
-    }
-
-    fn run_window(&mut self, request: WindowRequest, events: &ActiveEventLoop) {
-        match request {
-            WindowRequest::Quit => match &self.stage {
-                Stage::Flying(c) if !matches!(self.sheet, Some(Sheet::Quit { .. })) => match c.unfinished() {
-                    Some(why) => {
-                        let keeps = self.keeping.as_ref().is_some_and(Keeping::keeps);
-                        self.sheet = Some(Sheet::Quit { why, keeps });
-                    }
-                    None => self.quit(events),
-                },
-                _ => self.quit(events),
-            },
-            WindowRequest::Cancel => self.cancel(events),
-            WindowRequest::Help => match &self.sheet {
-                Some(Sheet::Keys { .. }) => self.close_sheet(),
-                _ => {
-                    // The keyboard's layout may have changed since.
-                    self.name_keys();
-                    self.sheet = Some(Sheet::keys());
-                }
-            },
-            WindowRequest::Fullscreen => self.switch_fullscreen(),
-            WindowRequest::Open => self.workspace.switch_named("open"),
-            WindowRequest::Whole => {
-                if matches!(self.stage, Stage::Flying(_)) && self.unflown.is_none() {
-                    let (input, series) = (self.opening.clone(), self.series);
-                    self.open_asked(Asked { input, series, is_flying: true, is_whole: true }, events);
-                }
-            }
-            WindowRequest::Kinds => {
-                if let Stage::Flying(c) = &mut self.stage {
-                    let shown = !c.kinds().is_shown();
-                    c.show_kinds(shown, Instant::now());
-                    self.workspace.show_named("kinds", shown);
-                }
-            }
-            WindowRequest::Seen => {
-                if let Stage::Flying(c) = &mut self.stage {
-                    let shown = !c.seen().is_painted();
-                    c.show_seen(shown, Instant::now());
-                    self.workspace.show_named("missed", shown);
-                }
-            }
-            WindowRequest::Layout(n) => self.workspace.choose(n),
-            WindowRequest::Panel(n) => self.workspace.switch(n),
         }
         self.touched = true;
     }
@@ -935,7 +876,7 @@ impl ApplicationHandler<Wake> for Shell {
             self.touched |= input.on_window_event(window, &event).repaint;
         }
         match event {
-            WindowEvent::CloseRequested => self.run_window(WindowRequest::Quit, events),
+            WindowEvent::CloseRequested => self.execute(Intent::Quit, now, events),
             WindowEvent::RedrawRequested => {
                 // If the system requests a redraw, the window was covered and has lost its picture.
                 let anew = !std::mem::take(&mut self.asked);

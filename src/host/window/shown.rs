@@ -87,6 +87,7 @@ mod tests {
     use super::*;
     use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scene};
     use crate::components::trail::Trail;
+    use crate::host::window::contract::WindowView;
     use crate::host::window::controller::FlightController;
     use crate::host::window::controller::tests::{cockpit_of, perform, trace};
     use crate::phantom::PhantomSettings;

@@ -7,7 +7,7 @@ use bevy_ecs::prelude::Entity;
 use glam::DVec3;
 
 use super::framing::{self, Framing, TARGET_MM};
-use super::panels::SliceInput;
+use super::intent::SliceInput;
 use crate::app::FlightApp;
 use crate::components::slices::{Orientation, SliceView};
 use crate::error::Result;
@@ -243,6 +243,7 @@ mod tests {
     use std::time::{Duration, Instant};
 
     use super::*;
+    use crate::host::window::contract::WindowView;
     use crate::host::window::controller::FlightController;
     use crate::host::window::controller::tests::{controller, perform};
     use crate::render::ImageSize;

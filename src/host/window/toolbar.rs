@@ -3,8 +3,7 @@
 use egui::{Align, Button, FontId, Label, Layout, RichText, TextStyle, Ui};
 use egui_phosphor::regular as icon;
 
-use super::actions::{Effect, WindowRequest};
-use super::panels::{Context, Requests};
+use super::contract::{Context, Requests};
 use super::style::SOFT;
 
 /// Width beside the buttons that is left for the state, the name of the scan and the choice of the layout, points.
@@ -83,14 +82,12 @@ fn width_named(ui: &Ui) -> f32 {
 
 fn button(context: &Context<'_>, ui: &mut Ui, requests: &mut Requests, &(icon, name, id): &Tool, is_named: bool) {
     let Some(action) = context.actions.named(id) else { return };
-    let is_on = context.controller.is_on(id);
+    let is_on = context.view.is_on(&action.intent);
     let icon = if id == "pause" && is_on { icon::PLAY } else { icon };
     let name = if id == "pause" && is_on { "Go on" } else { name };
     let icon = RichText::new(icon).size(ICON);
     let shown = if is_named && !name.is_empty() { Button::new((icon, name)) } else { Button::new(icon) };
-    // Painting the wall and the like stay on until they are pressed again.
-    let is_window = matches!(action.effect, Effect::Window(WindowRequest::Seen));
-    let shown = shown.selected(is_on || is_window && context.seen().is_painted());
+    let shown = shown.selected(is_on);
     let why_not = context.why_not(action);
     let response = ui.add_enabled(why_not.is_none(), shown);
     if response.on_hover_text(context.tip(id)).on_disabled_hover_text(why_not.unwrap_or_default()).clicked() {
@@ -101,7 +98,7 @@ fn button(context: &Context<'_>, ui: &mut Ui, requests: &mut Requests, &(icon, n
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::host::window::actions::Actions;
+    use crate::host::window::action::Actions;
     use crate::host::window::keys::KeySettings;
 
     #[test]

@@ -2,7 +2,6 @@
 
 mod showing;
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -10,10 +9,11 @@ use egui::{Align, MenuBar, RichText, Ui, UiBuilder, WidgetText};
 use egui_tiles::{Behavior, Container, LinearDir, SimplificationOptions, Tile, TileId, Tiles, Tree, UiResponse};
 use serde::{Deserialize, Serialize};
 
-use super::actions::{Effect, MENUS, OWN, WindowRequest};
+use super::action::{MENUS, OWN};
+use super::contract::{Context, Panel, PanelEntry, Requests};
 use super::folders::{self, Folder};
+use super::intent::Intent;
 use super::layouts::{FIRST, LAYOUTS, LayoutEntry, linear};
-use super::panels::{Context, Panel, PanelEntry, Request, Requests};
 use super::style::{DISCLAIMER, SOFT, Severity};
 use super::toolbar;
 use crate::error::{Error, Result};
@@ -29,19 +29,6 @@ const HINT: &str = "it is left as it is; the panels are where they are at first"
 const SHARES: [f32; 2] = [0.02, 50.0];
 /// Share of panels that are shown beside those of a layout.
 const SIDE: f32 = 0.3;
-
-/// What the embedded phantom is called.
-const PHANTOM: &str = "synthetic phantom";
-
-/// Returns the name of an open scan, and of its series if one was asked for.
-pub(crate) fn scan_name(opened: Option<(&Path, Option<usize>)>) -> Cow<'_, str> {
-    let Some((path, series)) = opened else { return PHANTOM.into() };
-    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-    match series {
-        Some(n) => format!("{name}, series {n}").into(),
-        None => name,
-    }
-}
 
 /// The current state of a layout.
 struct Arrangement {
@@ -400,11 +387,11 @@ impl Workspace {
                             ui.separator();
                         }
                         let button = egui::Button::new(action.title()).shortcut_text(action.key_text());
-                        let button = button.selected(self.is_on(action.effect));
+                        let button = button.selected(self.is_on(&action.intent));
                         let why_not = context.why_not(action);
                         let shown = ui.add_enabled(why_not.is_none(), button);
                         if shown.on_disabled_hover_text(why_not.unwrap_or_default()).clicked() {
-                            requests.ask(Request::Action(action.id.to_string()));
+                            requests.action(&action.id);
                         }
                     }
                 });
@@ -422,12 +409,10 @@ impl Workspace {
     }
 
     /// True if the state that an action toggles is on.
-    fn is_on(&self, effect: Effect) -> bool {
-        match effect {
-            Effect::Window(WindowRequest::Layout(n)) => n == self.layout,
-            Effect::Window(WindowRequest::Panel(n)) => {
-                self.panels.get(n).is_some_and(|p| self.layouts[self.layout].is_shown(p.entry.name))
-            }
+    fn is_on(&self, intent: &Intent) -> bool {
+        match intent {
+            Intent::Layout(n) => *n == self.layout,
+            Intent::Panel(n) => self.panels.get(*n).is_some_and(|p| self.layouts[self.layout].is_shown(p.entry.name)),
             _ => false,
         }
     }
@@ -572,11 +557,12 @@ fn reported(ui: &mut Ui, rect: egui::Rect, title: &str, why: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::host::window::actions::Actions;
+    use crate::host::window::action::Actions;
+    use crate::host::window::contract::WindowView;
     use crate::host::window::controller::FlightController;
+    use crate::host::window::intent::{Intent, SliceInput};
     use crate::host::window::interface::{Interface, WindowSize};
     use crate::host::window::keys::KeySettings;
-    use crate::host::window::panels::{FlightInput, SliceInput};
     use crate::render::ImageSize;
 
     struct Nothing;
@@ -684,19 +670,19 @@ mod tests {
         lay_out(&mut w, &mut interface, &controller, Vec::new());
         let mut asked = lay_out(&mut w, &mut interface, &controller, press(axial.center(), true));
         let slice = controller.slices().view(controller.flight(), orientation).unwrap().shown().unwrap();
-        let [Request::Slice(SliceInput::Click(place))] = asked.take()[..] else { panic!("a click in the slice") };
+        let [Intent::Slice(SliceInput::Click(place))] = asked.take()[..] else { panic!("a click in the slice") };
         let offset = f64::from(axial.center().x - axial.min.x) - slice.pixel(place).0[0];
         assert!(offset.abs() < 1e-3 && slice.pixel(place).1.abs() < 1e-9);
         // Pressed again, it is a double click.
         lay_out(&mut w, &mut interface, &controller, press(axial.center(), false));
         let asked = lay_out(&mut w, &mut interface, &controller, press(axial.center(), true)).take();
-        assert_eq!(asked, [Request::Slice(SliceInput::SetOut(place))]);
+        assert_eq!(asked, [Intent::Slice(SliceInput::SetOut(place))]);
         // A drag in the flight's picture looks around.
         lay_out(&mut w, &mut interface, &controller, press(axial.center(), false));
         let mut events = press(flight.center(), true);
         events.push(egui::Event::PointerMoved(flight.center() + egui::vec2(30.0, 0.0)));
         let asked = lay_out(&mut w, &mut interface, &controller, events).take();
-        assert!(asked.contains(&Request::Flight(FlightInput::Look([30.0, 0.0]))), "{asked:?}");
+        assert!(asked.contains(&Intent::Look([30.0, 0.0])), "{asked:?}");
     }
 
     #[test]

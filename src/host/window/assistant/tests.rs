@@ -5,9 +5,10 @@ use std::time::Duration;
 
 use super::*;
 use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scan, Scene};
+use crate::host::window::contract::WindowView;
 use crate::host::window::controller::FlightController;
-use crate::host::window::controller::tests::{cockpit_of, perform, trace};
-use crate::host::window::panels::{AssistInput, SliceInput};
+use crate::host::window::controller::tests::{cockpit_of, perform, trace, wish};
+use crate::host::window::intent::{Intent, SliceInput};
 use crate::phantom::PhantomSettings;
 use crate::polyps::answers::Answered;
 use crate::progress::Progress;
@@ -46,7 +47,7 @@ fn candidates_are_found_visited_and_answered_and_answers_survive() {
     assert!(c.assistant().is_none() && !file.exists(), "nobody has asked");
     perform(&mut c, "candidate-next", now);
     assert!(c.hud(now).message.is_some_and(|m| m.contains("K looks for polyps")));
-    c.assist(AssistInput::Begin, now);
+    wish(&mut c, Intent::Search, now);
     assert!(c.next().is_some_and(|t| t <= now + LOOKS));
     until(&mut c, |a| a.found().is_some());
     let took = c.assistant().unwrap().took().unwrap();
@@ -71,12 +72,12 @@ fn candidates_are_found_visited_and_answered_and_answers_survive() {
     let told = c.hud(now).message.unwrap();
     assert!(told.starts_with("candidate 2: unsure (") && told.contains("; now candidate "), "{told}");
     assert_ne!(current(&c), Some(1));
-    c.assist(AssistInput::Select(0), now);
+    wish(&mut c, Intent::Select(0), now);
     perform(&mut c, "candidate-yes", now);
     assert!(found.list.len() > 2 && current(&c) == Some(2));
-    c.assist(AssistInput::Select(0), now);
+    wish(&mut c, Intent::Select(0), now);
     perform(&mut c, "candidate-no", now);
-    c.assist(AssistInput::Note(0, "a fold".to_owned()), now);
+    wish(&mut c, Intent::Note(0, "a fold".to_owned()), now);
     // Distances and answers are undone by one key, the last change first, and what was undone is shown.
     perform(&mut c, "undo", now);
     perform(&mut c, "undo", now);
@@ -88,9 +89,9 @@ fn candidates_are_found_visited_and_answered_and_answers_survive() {
     assert_eq!(said, [(1, Some(Answer::Yes), ""), (2, Some(Answer::Unsure), "")]);
     // The last answer of all ends it.
     for _ in 2..found.list.len() {
-        c.assist(AssistInput::Step(true), now);
+        wish(&mut c, Intent::Step(true), now);
         while c.assistant().unwrap().reading().said(current(&c).unwrap()).unwrap().answer.is_some() {
-            c.assist(AssistInput::Step(true), now);
+            wish(&mut c, Intent::Step(true), now);
         }
         perform(&mut c, "candidate-no", now);
     }
@@ -103,7 +104,7 @@ fn candidates_are_found_visited_and_answered_and_answers_survive() {
     // Another window of the same scan has them.
     let mut c = flown(true);
     c.set_answers_file(Some(file));
-    c.assist(AssistInput::Begin, now);
+    wish(&mut c, Intent::Search, now);
     until(&mut c, |a| a.found().is_some());
     assert_eq!(c.assistant().unwrap().reading().answered(), 2);
 }
@@ -115,7 +116,7 @@ fn a_candidate_is_told_where_the_file_has_it_and_the_list_may_follow_the_colon()
     let progress = Progress::new();
     let lumen = Arc::clone(&c.flight().setup().lumen);
     let along = lumen.along(c.flight().setup().volume.voxels(), &progress).unwrap();
-    c.assist(AssistInput::Begin, now);
+    wish(&mut c, Intent::Search, now);
     until(&mut c, |a| a.found().is_some());
     let found = Arc::clone(c.assistant().unwrap().found().unwrap());
     for entry in &found.list {
@@ -123,7 +124,7 @@ fn a_candidate_is_told_where_the_file_has_it_and_the_list_may_follow_the_colon()
         let (told, in_file) = (entry.along.unwrap(), along.of(entry.candidate.position).unwrap());
         assert_eq!((told.mm, told.text()), (in_file.mm, in_file.text()));
     }
-    c.assist(AssistInput::Show(Showing { order: Order::Along, least_mm: 5, hides_answered: false }), now);
+    wish(&mut c, Intent::Show(Showing { order: Order::Along, least_mm: 5, hides_answered: false }), now);
     let mut way = Vec::new();
     for _ in 0..c.assistant().unwrap().reading().shown().len() {
         perform(&mut c, "candidate-next", now);
@@ -141,7 +142,7 @@ fn a_candidate_is_told_where_the_file_has_it_and_the_list_may_follow_the_colon()
 fn a_click_measures_a_lesion_or_tells_why_not() {
     let now = Instant::now();
     let mut c = flown(false);
-    c.assist(AssistInput::Begin, now);
+    wish(&mut c, Intent::Search, now);
     until(&mut c, |a| a.found().is_some());
     perform(&mut c, "measure", now);
     perform(&mut c, "measure-lesion", now);
@@ -166,15 +167,15 @@ fn a_search_is_cancelled_and_begun_again_and_answers_wait_for_it() {
     let path = dir.path().join("answers.json");
     let now = Instant::now();
     let mut c = flown(false);
-    c.assist(AssistInput::Begin, now);
+    wish(&mut c, Intent::Search, now);
     until(&mut c, |a| a.task.is_working());
-    c.assist(AssistInput::Cancel, now);
+    wish(&mut c, Intent::CancelSearch, now);
     let failed = |a: &Assistant| matches!(a.state(), State::Failed(why) if why.contains("cancelled"));
     assert!(c.assistant().is_some_and(failed) && c.assistant().unwrap().next().is_none());
     // What a damaged file lacks is told in one line, once there is a list.
     std::fs::write(&path, "{").unwrap();
     c.load_answers(&path, now);
-    c.assist(AssistInput::Begin, now);
+    wish(&mut c, Intent::Search, now);
     until(&mut c, |a| a.found().is_some());
     let told = c.assistant().unwrap().told().to_owned();
     assert!(told.contains("answers.json") && !told.contains('\n'), "{told}");

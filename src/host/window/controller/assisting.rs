@@ -13,9 +13,9 @@ use crate::components::input::FlightCommand;
 use crate::components::review::ReviewStop;
 use crate::components::scan::Walls;
 use crate::dynamics::Attitude;
-use crate::host::window::actions::WhyNot;
 use crate::host::window::assistant::{Assistant, Entry, answer_text};
-use crate::host::window::panels::AssistInput;
+use crate::host::window::contract::WindowView;
+use crate::host::window::intent::WhyNot;
 use crate::polyps::Detector;
 use crate::polyps::answers::Answer;
 use crate::space::first_crossing;
@@ -33,11 +33,6 @@ const BEFORE_MM: f64 = 1.0;
 const GOLDEN: f64 = 2.399_963_229_728_653;
 
 impl FlightController {
-    /// Returns the assistant, once it was asked for.
-    pub(crate) fn assistant(&self) -> Option<&Assistant> {
-        self.assistant.as_deref()
-    }
-
     /// Sets the method that finds polyps.
     pub(crate) fn set_detector(&mut self, detector: Detector) {
         self.detector = detector;
@@ -92,71 +87,62 @@ impl FlightController {
         }
     }
 
-    /// Executes a request to the assistant.
-    pub(crate) fn assist(&mut self, request: AssistInput, now: Instant) {
-        self.attention = true;
-        let (file, detector) = (&self.answers_file, self.detector);
-        let keeps = self.keeps;
-        let assistant = self.assistant.get_or_insert_with(|| {
+    /// Returns the assistant, which begins to search if it was not asked for yet.
+    pub(super) fn asked_assistant(&mut self, now: Instant) -> &mut Assistant {
+        let (file, detector, keeps) = (&self.answers_file, self.detector, self.keeps);
+        self.assistant.get_or_insert_with(|| {
             let mut made = Box::new(Assistant::new(detector, file.clone(), now));
             // Nothing was said yet.
             _ = made.keep_now(keeps);
             made
-        });
-        match request {
-            AssistInput::Begin => assistant.retry(now),
-            AssistInput::Cancel => assistant.cancel(),
-            AssistInput::Select(n) => {
-                if assistant.reading_mut().select(n).is_some() {
-                    self.visit(n, self.number_text(n), now);
-                }
-            }
-            AssistInput::Step(forward) => match assistant.reading_mut().step(forward) {
-                Some(n) => self.visit(n, self.number_text(n), now),
-                None => {
-                    let count = assistant.reading().count();
-                    let hidden = format!("the list shows none of the {count} candidates");
-                    let why = if count == 0 { "there is no candidate".to_owned() } else { hidden };
-                    self.say(why, now);
-                }
-            },
-            AssistInput::Show(showing) => assistant.reading_mut().show(showing),
-            AssistInput::Answer(answer) => {
-                let Some(n) = assistant.reading().current() else {
-                    self.say("no candidate is chosen", now);
-                    return;
-                };
-                let kept = assistant.reading_mut().answer(answer);
-                assistant.report(kept);
-                let undo = self.actions.hint("undo", "undoes it");
-                let told = format!("candidate {}: {}{undo}", n + 1, answer_text(answer));
-                self.move_on(told, now);
-            }
-            AssistInput::Note(n, note) => {
-                let kept = assistant.reading_mut().note(n, note);
-                assistant.report(kept);
-            }
-            AssistInput::Undo => self.undo_answer(now),
-            AssistInput::Mark => assistant.is_marking = !assistant.is_marking,
-            AssistInput::Measure => {
-                assistant.is_measuring = !assistant.is_measuring;
-                if assistant.is_measuring {
-                    if self.measures.is_on() {
-                        self.measures.switch();
-                    }
-                    self.stop(now);
-                    self.say("click on a lesion, in the flight or in a slice", now);
-                }
-            }
-            AssistInput::Forget => assistant.forget_measured(),
-            AssistInput::Load(path) => assistant.load(&path),
+        })
+    }
+
+    /// Shows a candidate, by its number from 0.
+    pub(super) fn select(&mut self, n: usize, now: Instant) {
+        if self.asked_assistant(now).reading_mut().select(n).is_some() {
+            self.visit(n, self.number_text(n), now);
         }
-        self.note_changes();
+    }
+
+    /// Shows the next candidate, or the previous one.
+    pub(super) fn step(&mut self, forward: bool, now: Instant) {
+        let reading = self.asked_assistant(now).reading_mut();
+        match (reading.step(forward), reading.count()) {
+            (Some(n), _) => self.visit(n, self.number_text(n), now),
+            (None, 0) => self.say("there is no candidate", now),
+            (None, count) => self.say(format!("the list shows none of the {count} candidates"), now),
+        }
+    }
+
+    /// Answers whether the candidate that is shown is a polyp, and goes on to the next without an answer.
+    pub(super) fn answer(&mut self, answer: Answer, now: Instant) {
+        let assistant = self.asked_assistant(now);
+        let Some(n) = assistant.reading().current() else { return self.say("no candidate is chosen", now) };
+        let kept = assistant.reading_mut().answer(answer);
+        assistant.report(kept);
+        let undo = self.actions.hint("undo", "undoes it");
+        self.move_on(format!("candidate {}: {}{undo}", n + 1, answer_text(answer)), now);
+    }
+
+    /// Measures lesions by clicks, or stops that.
+    pub(super) fn switch_lesions(&mut self, now: Instant) {
+        let assistant = self.asked_assistant(now);
+        assistant.is_measuring = !assistant.is_measuring;
+        if assistant.is_measuring {
+            if self.measures.is_on() {
+                self.measures.switch();
+            }
+            self.stop(now);
+            self.say("click on a lesion, in the flight or in a slice", now);
+        }
     }
 
     /// Adds a file of answers, which begins the search for what they belong to.
     pub(crate) fn load_answers(&mut self, path: &Path, now: Instant) {
-        self.assist(AssistInput::Load(path.to_owned()), now);
+        self.asked_assistant(now).load(path);
+        self.note_changes();
+        self.attention = true;
         if let Some(told) = self.assistant().map(|a| a.told().to_owned()) {
             self.say(told, now);
         }

@@ -5,10 +5,9 @@ use std::time::Instant;
 
 use super::{FlightController, recordable};
 use crate::components::input::{Command, FlightCommand};
-use crate::host::window::actions::Action;
+use crate::host::window::contract::Context;
+use crate::host::window::intent::Intent;
 use crate::host::window::overlay::HudState;
-use crate::host::window::own_action::ActionEntry;
-use crate::host::window::panels::{Context, Request};
 
 /// Longest message of another crate, characters.
 const LONGEST: usize = 200;
@@ -37,8 +36,6 @@ impl FlightController {
             Command::Flight(FlightCommand::ViewAngle(degrees)) => self.change_angle(degrees, now),
             other => _ = self.act(other, now),
         }
-        self.attention = true;
-        self.figures.touch();
     }
 
     /// Shows a message of another crate: its first line, shortened.
@@ -47,19 +44,10 @@ impl FlightController {
         self.say(line.chars().filter(|c| !c.is_control()).take(LONGEST).collect::<String>(), now);
     }
 
-    /// Runs an action of another crate, or tells why it is not possible. Returns what it asks for; `None` if it has not begun.
-    pub(crate) fn begin_own(
-        &mut self,
-        action: &Action,
-        entry: &ActionEntry,
-        recent: &[PathBuf],
-        now: Instant,
-    ) -> Option<Vec<Request>> {
-        if self.refuse(action, now) {
-            return None;
-        }
+    /// Runs the action of another crate with this number. Returns what it asks for; `None` if it has not begun.
+    pub(crate) fn begin_own(&mut self, n: usize, recent: &[PathBuf]) -> Option<Vec<Intent>> {
         let hud = HudState::default();
-        let asked = action.begin(entry, &Context::new(self, &self.actions, recent, &hud));
+        let asked = self.own.begin(n, &Context::new(self, &self.actions, recent, &hud));
         self.attention = true;
         self.figures.touch();
         asked

@@ -3,7 +3,6 @@
 use std::time::Instant;
 
 use super::FlightController;
-use crate::host::window::actions::ActionContext;
 use crate::host::window::assistant::Assistant;
 use crate::host::window::measures::Measures;
 
@@ -93,7 +92,7 @@ impl FlightController {
     }
 
     /// Undoes the last change to distances, answers or kinds, or discards the first end of a distance if nothing was changed since.
-    pub(crate) fn undo(&mut self, at: ActionContext) {
+    pub(crate) fn undo(&mut self, now: Instant) {
         self.note_changes();
         if self.history.done.len() <= self.history.begun && self.measures.discard_begun() {
             return;
@@ -109,10 +108,10 @@ impl FlightController {
                 match store {
                     Store::Distances => {
                         let kept = self.measures.undo();
-                        self.report_kept(kept, at.now);
+                        self.report_kept(kept, now);
                     }
-                    Store::Answers => return self.undo_answer(at.now),
-                    Store::Kinds => self.undo_kind(at.now),
+                    Store::Answers => return self.undo_answer(now),
+                    Store::Kinds => self.undo_kind(now),
                 }
                 self.end_note();
                 self.history.done.pop();

@@ -118,6 +118,7 @@ impl FlightController {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::host::window::contract::WindowView;
     use crate::host::window::controller::tests::{cockpit_of, perform, phantom_flight, trace};
     use crate::phantom::PhantomSettings;
     use crate::render::ImageSize;

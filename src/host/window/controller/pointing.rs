@@ -10,28 +10,26 @@ use crate::components::input::{FlightCommand, HandCommand};
 use crate::components::output::Picture;
 use crate::components::slices::Orientation;
 use crate::error::Result;
-use crate::host::window::actions::ActionContext;
+use crate::host::window::intent::{Intent, SliceInput};
 use crate::host::window::measures::Measures;
-use crate::host::window::panels::SliceInput;
-use crate::host::window::slices::Slices;
 use crate::host::window::travel::Travel;
 use crate::space::first_crossing;
 
 impl FlightController {
-    /// Returns the slices that are shown.
-    pub(crate) fn slices(&self) -> &Slices {
-        &self.slices
-    }
-
-    /// Executes a panel's request to the slices. Pointing at a place pauses a flight that moves automatically.
-    pub(crate) fn slice(&mut self, request: SliceInput, now: Instant) {
+    /// Executes a pointer's input to a slice. Pointing at a place pauses a flight that moves automatically. Returns what is left for
+    /// the window to do: start a flight, where there is none.
+    pub(crate) fn slice(&mut self, request: SliceInput, now: Instant) -> Option<Intent> {
         let points = match request {
-            SliceInput::Click(place) if self.measures.is_on() => return self.measure(place, now),
-            SliceInput::Click(place) if self.measures_lesions() => return self.measure_lesion(place, now),
-            SliceInput::SetOut(place) if self.measures.is_on() => return self.measure(place, now),
-            SliceInput::SetOut(place) if self.measures_lesions() => return self.measure_lesion(place, now),
+            SliceInput::Click(place) | SliceInput::SetOut(place) if self.measures.is_on() => {
+                self.measure(place, now);
+                return None;
+            }
+            SliceInput::Click(place) | SliceInput::SetOut(place) if self.measures_lesions() => {
+                self.measure_lesion(place, now);
+                return None;
+            }
             // A drag that began at a place that was measured.
-            SliceInput::Point(_) if self.measures.is_on() || self.measures_lesions() => return,
+            SliceInput::Point(_) if self.measures.is_on() || self.measures_lesions() => return None,
             SliceInput::Click(place)
             | SliceInput::Point(place)
             | SliceInput::SetOut(place)
@@ -40,7 +38,7 @@ impl FlightController {
             SliceInput::Pan(..) | SliceInput::Zoom(..) | SliceInput::Window(_) => {
                 self.slices.ask(&mut self.flight, request);
                 self.attention = true;
-                return;
+                return None;
             }
         };
         self.stop(now);
@@ -52,11 +50,9 @@ impl FlightController {
         if let Some(place) = points.filter(|_| self.flight.setup().scene.play().is_none()) {
             self.go(place, now);
         }
-        if let SliceInput::SetOut(place) = request {
-            self.set_out_at(place, now);
-        }
         self.attention = true;
         self.quiet = 0;
+        if let SliceInput::SetOut(place) = request { self.set_out_at(place, now) } else { None }
     }
 
     /// Moves the camera to a place in the lumen (world mm) if it fits there, even in another segment. Otherwise it stays.
@@ -77,24 +73,12 @@ impl FlightController {
         self.slices.point(&self.flight, place);
     }
 
-    /// True if marks are drawn in the picture that the state for display does not contain.
-    pub(crate) fn has_marks(&self) -> bool {
-        let measures = !self.measures.list().is_empty() || self.measures.begun().is_some();
-        let lesions = self.assistant().is_some_and(|a| a.is_marking || a.measured().is_some());
-        measures || lesions || self.slices.cursor().is_some()
-    }
-
     /// Pauses a flight that moves automatically, even if it has arrived or calls the operator, so that the camera stays where it
     /// is moved to.
     pub(super) fn stop(&mut self, now: Instant) {
         if !self.is_by_hand() && !self.hand().paused && self.flight.setup().scene.play().is_none() {
             self.act(HandCommand::Pause(true), now);
         }
-    }
-
-    /// Returns the measures.
-    pub(crate) fn measures(&self) -> &Measures {
-        &self.measures
     }
 
     #[cfg(test)]
@@ -108,20 +92,13 @@ impl FlightController {
     }
 
     /// Switches measuring by clicks on or off.
-    pub(crate) fn switch_measuring(&mut self, at: ActionContext) {
+    pub(super) fn switch_measuring(&mut self, now: Instant) {
         self.measures.switch();
         if self.measures.is_on() {
             self.leave_lesions();
-            self.stop(at.now);
-            self.say("click both ends, in the flight or in a slice", at.now);
+            self.stop(now);
+            self.say("click both ends, in the flight or in a slice", now);
         }
-    }
-
-    /// Deletes the last measure.
-    pub(crate) fn delete_last_measure(&mut self, at: ActionContext) {
-        let kept = self.measures.delete_last();
-        self.note_changes();
-        self.report_kept(kept, at.now);
     }
 
     fn measure(&mut self, place: DVec3, now: Instant) {
@@ -191,26 +168,6 @@ impl FlightController {
             self.travel = None;
         }
         self.quiet = 0;
-    }
-
-    /// Sets the grey-level window: level and width, HU.
-    pub(crate) fn window(&mut self, level: f64, width: f64) {
-        self.slices.window(level, width);
-    }
-
-    /// Resets the slices.
-    pub(crate) fn reset_slices(&mut self, _: ActionContext) {
-        self.slices.reset(&mut self.flight);
-    }
-
-    /// Switches to the next slab thickness; the plane alone follows the thickest slab.
-    pub(crate) fn next_slab(&mut self, _: ActionContext) {
-        self.slices.next_slab();
-    }
-
-    /// Switches the projection of a thick slice: mean, maximum or minimum.
-    pub(crate) fn next_slab_kind(&mut self, _: ActionContext) {
-        self.slices.next_slab_kind();
     }
 
     /// True if a slice is shown.

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::FlightController;
 use crate::components::input::HandCommand;
-use crate::host::window::actions::WhyNot;
+use crate::host::window::intent::{Intent, WhyNot};
 use crate::space::value;
 
 impl FlightController {
@@ -18,42 +18,35 @@ impl FlightController {
         self.unflown = Some(why);
     }
 
-    /// Returns why the scan cannot be flown; `None` if it can.
-    pub(crate) fn unflown(&self) -> Option<&str> {
-        self.unflown.as_deref()
-    }
-
     /// Checks whether there is a flight. The error tells why not.
     pub(crate) fn may_fly(&self) -> Result<(), WhyNot> {
         if self.unflown.is_some() { Err("there is no flight".into()) } else { Ok(()) }
     }
 
-    /// Takes the place (world, mm) where a flight was asked for.
-    pub(crate) fn take_start(&mut self) -> Option<DVec3> {
-        self.start_at.take()
-    }
-
-    /// Goes to a place of a slice (world, mm), or tells why not. Without a flight, one starts there.
-    pub(super) fn set_out_at(&mut self, place: DVec3, now: Instant) {
+    /// Tells why the camera did not go to a place of a slice (world, mm), unless it did. Without a flight, returns that one starts there.
+    pub(super) fn set_out_at(&mut self, place: DVec3, now: Instant) -> Option<Intent> {
         self.attention = true;
         // As slices show them: the scan without tag is a box within the other one.
         let scans = [self.flight.shown_scan(), &self.flight.setup().volume];
         let volume = scans.into_iter().find(|v| v.voxels().grid().contains(place));
         let is_gas = volume.is_some_and(|v| f64::from(value(v, place)) < v.transfer().iso());
-        if self.flight.setup().scene.play().is_some() {
-            self.say("a log is replayed: the camera goes where it went", now);
+        let told = if self.flight.setup().scene.play().is_some() {
+            "a log is replayed: the camera goes where it went".to_owned()
         } else if !is_gas {
             let there =
                 if self.unflown.is_some() { "the flight starts in gas" } else { "the camera stays where it is" };
-            self.say(format!("no gas there: {there}"), now);
+            format!("no gas there: {there}")
         } else if self.unflown.is_some() {
-            self.start_at = Some(place);
+            return Some(Intent::StartAt(place));
         } else if self.flight.setup().lumen.segment_at(place).is_none() {
-            let kinds = self.actions.hint("kinds", "shows which gas is");
-            self.say(format!("this gas is not part of the colon{kinds}"), now);
+            format!("this gas is not part of the colon{}", self.actions.hint("kinds", "shows which gas is"))
         } else if self.flight.pose().position.distance(place) > ARRIVED_MM {
-            self.say("too narrow there: the camera stays where it is", now);
-        }
+            "too narrow there: the camera stays where it is".to_owned()
+        } else {
+            return None;
+        };
+        self.say(told, now);
+        None
     }
 }
 
@@ -71,9 +64,9 @@ mod tests {
     use crate::app::{OpenOptions, Scan, Scene};
     use crate::components::output::Picture;
     use crate::components::slices::Orientation;
-    use crate::host::window::actions::{ActionContext, Effect};
+    use crate::host::window::contract::WindowView;
     use crate::host::window::controller::tests::{cockpit_of, controller};
-    use crate::host::window::panels::{FlightInput, SliceInput};
+    use crate::host::window::intent::{ActionContext, SliceInput};
     use crate::render::ImageSize;
     use crate::space::PreparedVolume;
     use crate::volume::{Grid, Volume};
@@ -112,15 +105,13 @@ mod tests {
         assert_eq!(c.hud(now).state, "no flight");
         // Clicks point at places, and only a double click into gas asks for a flight.
         let tissue = DVec3::new(10.0, 10.0, 10.0);
-        c.slice(SliceInput::Click(BUBBLE), now);
-        assert_eq!((c.slices().cursor(), c.take_start()), (Some(BUBBLE), None));
+        let left = c.slice(SliceInput::Click(BUBBLE), now);
+        assert_eq!((c.slices().cursor(), left), (Some(BUBBLE), None));
         for place in [tissue, DVec3::splat(-500.0), DVec3::NAN] {
-            c.slice(SliceInput::SetOut(place), now);
-            assert_eq!(c.take_start(), None);
+            assert_eq!(c.slice(SliceInput::SetOut(place), now), None);
             assert_eq!(c.hud(now).message.as_deref(), Some("no gas there: the flight starts in gas"));
         }
-        c.slice(SliceInput::SetOut(BUBBLE), now);
-        assert_eq!((c.take_start(), c.take_start()), (Some(BUBBLE), None));
+        assert_eq!(c.slice(SliceInput::SetOut(BUBBLE), now), Some(Intent::StartAt(BUBBLE)));
         // At rest, nothing is computed.
         let mut late = now;
         for _ in 0..200 {
@@ -137,9 +128,7 @@ mod tests {
         let before = c.flight().pose().position;
         for action in actions.list() {
             let action = actions.named(&action[0]).unwrap();
-            if !matches!(action.effect, Effect::Hold(_) | Effect::Window(_) | Effect::Gesture) {
-                c.perform(action, ActionContext { window: ImageSize::new(0, 0), now });
-            }
+            c.execute(action.intent.clone(), ActionContext { window: ImageSize::new(0, 0), now });
             now += std::time::Duration::from_millis(25);
             c.advance(now).unwrap();
             c.hud(now);
@@ -154,12 +143,13 @@ mod tests {
         let ids = "pause reverse whole next faster slower narrower wider usual-angle detail light guide picture";
         for id in ids.split(' ') {
             let action = actions.named(id).unwrap();
-            assert!(c.refuse(action, now), "{id}");
+            let at = ActionContext { window: ImageSize::new(0, 0), now };
+            assert!(c.execute(action.intent.clone(), at).is_none(), "{id}");
             assert!(c.hud(now).message.unwrap().ends_with(": not while there is no flight"), "{id}");
         }
-        assert!(!c.is_on("pause"), "nothing is paused");
+        assert!(!c.is_on(&Intent::Pause), "nothing is paused");
         for id in ["open", "help", "screenshot", "quit", "window-soft"] {
-            let why_not = actions.named(id).unwrap().why_not(&c);
+            let why_not = c.why_not(&actions.named(id).unwrap().intent);
             assert!(why_not.is_none_or(|w| !w.contains("no flight")), "{id}");
         }
     }
@@ -186,7 +176,7 @@ mod tests {
         assert_eq!(told(&mut c, [2.0, 40.0, 16.0]), tissue);
         // In the flight's picture, a ray that meets no wall.
         c.message = None;
-        c.follow(FlightInput::LookAt([f64::NAN, 0.0]), ActionContext { window: ImageSize::new(8, 8), now });
+        c.execute(Intent::LookAt([f64::NAN, 0.0]), ActionContext { window: ImageSize::new(8, 8), now });
         assert_eq!(c.hud(now).message.as_deref(), Some("no wall there to fly to"));
     }
 }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use super::FlightController;
 use crate::error::Result;
-use crate::host::window::actions::ActionContext;
+use crate::host::window::intent::ActionContext;
 use crate::host::window::photograph::Photograph;
 use crate::host::window::screenshot;
 use crate::host::window::screenshot_renderer::Traced;
@@ -29,16 +29,6 @@ impl FlightController {
         }
         self.view_renderer.order_to_save(&self.flight, at.window);
         self.say("saving the image", at.now);
-    }
-
-    /// Asks the window for a screenshot of all views.
-    pub(crate) fn order_photograph(&mut self, _: ActionContext) {
-        self.is_photograph_due = true;
-    }
-
-    /// Takes whether a screenshot of all views was asked for.
-    pub(crate) fn takes_photograph(&mut self) -> bool {
-        std::mem::take(&mut self.is_photograph_due)
     }
 
     /// Saves all views, once the flight's picture is complete.

@@ -10,8 +10,8 @@ use crate::components::review::ReviewStop;
 use crate::coverage::LiveCoverage;
 use crate::dynamics::Attitude;
 use crate::dynamics::route::profile::PathSettings;
-use crate::host::window::actions::WhyNot;
-use crate::host::window::seen::{News, Seen, Then};
+use crate::host::window::intent::WhyNot;
+use crate::host::window::seen::{News, Then};
 
 /// Nearer than this to where a patch is seen from, the camera only turns to it, mm.
 const THERE_MM: f64 = 3.0;
@@ -19,11 +19,6 @@ const THERE_MM: f64 = 3.0;
 const STOP_S: f64 = 2.0;
 
 impl FlightController {
-    /// Returns what of the wall was seen.
-    pub(crate) fn seen(&self) -> &Seen {
-        &self.seen
-    }
-
     /// Shows or hides the paint over what was not seen yet.
     pub(crate) fn show_seen(&mut self, shown: bool, now: Instant) {
         let other = self.cleansing.other(&self.flight);
@@ -272,8 +267,9 @@ mod tests {
 
     use super::*;
     use crate::host::window::assistant::State;
-    use crate::host::window::controller::tests::{cockpit_of, perform, phantom_flight, trace};
-    use crate::host::window::panels::AssistInput;
+    use crate::host::window::contract::WindowView;
+    use crate::host::window::controller::tests::{cockpit_of, perform, phantom_flight, trace, wish};
+    use crate::host::window::intent::Intent;
     use crate::phantom::PhantomSettings;
     use crate::polyps::answers::Answer;
     use crate::progress::Progress;
@@ -421,7 +417,7 @@ mod tests {
     fn a_review_looks_at_unsure_candidates_too() {
         let (mut c, mut now) = watched();
         c.stop(now);
-        c.assist(AssistInput::Begin, now);
+        wish(&mut c, Intent::Search, now);
         go_on(&mut c, &mut now, |c| match c.assistant().unwrap().state() {
             State::Working(..) => false,
             State::Ready(_) => true,
@@ -441,8 +437,8 @@ mod tests {
         go_on(&mut c, &mut now, |c| c.flight().tour().is_some());
         let tour = c.flight().tour().unwrap();
         assert!(tour.stops.iter().any(|s| s.look_at.is_some_and(|at| place.distance(at) < 0.01)));
-        c.assist(AssistInput::Select(first), now);
-        c.assist(AssistInput::Answer(Answer::No), now);
+        wish(&mut c, Intent::Select(first), now);
+        wish(&mut c, Intent::Answer(Answer::No), now);
         assert!(!looks_there(&c));
     }
 }

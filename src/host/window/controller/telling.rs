@@ -9,14 +9,9 @@ use super::{FlightController, which_segment};
 use crate::app::flight::Onward;
 use crate::components::flight::State;
 use crate::fields::lumen::GasKind;
-use crate::host::window::kinds::{Found, Kinds, name};
+use crate::host::window::kinds::{Found, name};
 
 impl FlightController {
-    /// Returns the kinds of gas.
-    pub(crate) fn kinds(&self) -> &Kinds {
-        &self.kinds
-    }
-
     /// Sets the file of the kinds that the reader gives.
     pub(crate) fn set_kinds_file(&mut self, file: Option<PathBuf>) {
         self.kinds.keep_in(file);
@@ -53,9 +48,6 @@ impl FlightController {
 
     /// Gives a kind to the chosen body of gas, or takes back what was given.
     pub(crate) fn tell_kind(&mut self, kind: Option<GasKind>, now: Instant) {
-        if let Err(why) = self.kinds.may_tell() {
-            return self.say(why, now);
-        }
         let told = self.kinds.tell(kind, &self.flight, &self.background, now);
         self.note_changes();
         match told {

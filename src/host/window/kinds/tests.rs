@@ -5,11 +5,11 @@ use std::time::Duration;
 use super::*;
 use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scan, Scene};
 use crate::components::slices::{Orientation, SliceView};
-use crate::host::window::actions::ActionContext;
 use crate::host::window::assistant::Said;
+use crate::host::window::contract::WindowView;
 use crate::host::window::controller::FlightController;
-use crate::host::window::controller::tests::{cockpit_of, perform, trace};
-use crate::host::window::panels::{AssistInput, FlightInput, SliceInput};
+use crate::host::window::controller::tests::{cockpit_of, perform, trace, wish};
+use crate::host::window::intent::{Intent, SliceInput};
 use crate::math::hash;
 use crate::phantom::PhantomSettings;
 use crate::polyps::answers::Answer;
@@ -213,7 +213,7 @@ fn changes_are_undone_in_the_order_in_which_they_were_made() {
     // The tag is looked for once something was shown.
     trace(&mut c, now);
     c.show_kinds(true, now);
-    c.assist(AssistInput::Begin, now);
+    wish(&mut c, Intent::Search, now);
     let begun = Instant::now();
     while c.kinds().next().is_some() || c.may_read().is_err() {
         assert!(begun.elapsed() < Duration::from_secs(240), "{:?}", c.hud(now).message);
@@ -224,8 +224,7 @@ fn changes_are_undone_in_the_order_in_which_they_were_made() {
     assert!(c.hud(now).message.unwrap().contains("no candidate is chosen"));
     let (place, _) = no_colon(&c);
     c.slice(SliceInput::Click(place), now);
-    c.assist(AssistInput::Select(0), now);
-    let at = ActionContext { window: ImageSize::new(32, 24), now };
+    wish(&mut c, Intent::Select(0), now);
     let answers = [Answer::Yes, Answer::No, Answer::Unsure];
     let kinds = [Some(GasKind::Lung), Some(GasKind::Stomach), None];
     for seed in 0..4 {
@@ -246,7 +245,7 @@ fn changes_are_undone_in_the_order_in_which_they_were_made() {
             match what {
                 0 | 1 => {
                     if !c.measures().is_on() {
-                        c.switch_measuring(at);
+                        perform(&mut c, "measure", now);
                     }
                     c.slice(SliceInput::Click(place), now);
                     // Half way, an end is discarded and nothing else.
@@ -257,13 +256,13 @@ fn changes_are_undone_in_the_order_in_which_they_were_made() {
                     }
                     c.slice(SliceInput::Click(place + DVec3::X * (1.0 + random(50) as f64)), now);
                 }
-                2 => c.delete_last_measure(at),
-                3 => c.follow(FlightInput::DeleteMeasure(random(4)), at),
-                4 => c.assist(AssistInput::Answer(answers[random(3)]), now),
+                2 => perform(&mut c, "delete-last", now),
+                3 => wish(&mut c, Intent::DeleteMeasure(random(4)), now),
+                4 => wish(&mut c, Intent::Answer(answers[random(3)]), now),
                 5 => {
                     let of = random(2);
                     note = Some(of);
-                    c.assist(AssistInput::Note(of, format!("{} letters", random(1000))), now);
+                    wish(&mut c, Intent::Note(of, format!("{} letters", random(1000))), now);
                 }
                 6 => c.tell_kind(kinds[random(3)], now),
                 _ => {

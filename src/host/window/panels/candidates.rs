@@ -7,10 +7,11 @@ use egui::{Align2, Color32, ColorImage, FontId, Painter, Pos2, Rect, RichText, S
 use egui::{TextureHandle, TextureOptions, Ui, pos2, vec2};
 use glam::DVec3;
 
-use super::{AssistInput, Context, Panel, PanelEntry, Requests, rows};
+use super::{Context, Panel, PanelEntry, Requests, rows};
 use crate::host::window::assistant::{
     Assistant, Entry, Found, Measured, Order, Reading, SIDE, Said, Showing, State, answer_text,
 };
+use crate::host::window::intent::Intent;
 use crate::host::window::style::{ACCENT, INK, SOFT, Severity, TEXT, text};
 use crate::polyps::answers::Answer;
 
@@ -55,7 +56,7 @@ impl Panel for CandidatesPanel {
             // To show the panel is to ask for the list.
             ui.label("Looks for polyps in the whole colon while the flight goes on.");
             ui.label(RichText::new(CAUTION).color(SOFT));
-            requests.assist(AssistInput::Begin);
+            requests.ask(Intent::Search);
             return;
         };
         match assistant.state() {
@@ -68,13 +69,13 @@ impl Panel for CandidatesPanel {
                 ui.label(RichText::new("The flight goes on meanwhile.").color(SOFT));
                 ui.label(RichText::new(CAUTION).color(SOFT));
                 if ui.button("Cancel").clicked() {
-                    requests.assist(AssistInput::Cancel);
+                    requests.ask(Intent::CancelSearch);
                 }
             }
             State::Failed(why) => {
                 ui.label(RichText::new(why).color(Severity::Alert.colour()));
                 if ui.button("Look for polyps").clicked() {
-                    requests.assist(AssistInput::Begin);
+                    requests.ask(Intent::Search);
                 }
             }
             State::Ready(found) => self.ready(context, assistant, found, ui, requests),
@@ -94,7 +95,7 @@ impl CandidatesPanel {
         if !std::ptr::eq(self.list.as_ptr(), Arc::as_ptr(found)) {
             *self = Self { list: Arc::downgrade(found), showing: self.showing, ..Self::default() };
             if let Some(showing) = self.showing {
-                requests.assist(AssistInput::Show(showing));
+                requests.ask(Intent::Show(showing));
             }
             self.pictures.resize_with(found.list.len(), || None);
         }
@@ -134,7 +135,7 @@ impl CandidatesPanel {
         ui.label(RichText::new(format!("{shown} of {} shown", reading.count())).color(SOFT));
         if showing != before {
             self.showing = Some(showing);
-            requests.assist(AssistInput::Show(showing));
+            requests.ask(Intent::Show(showing));
         }
     }
 
@@ -161,18 +162,18 @@ impl CandidatesPanel {
                 let tip = action.map_or_else(String::new, |a| format!("{} ({})", a.title(), a.key_text()));
                 let button = egui::Button::new(name).selected(said.is_some_and(|s| s.answer == Some(answer)));
                 if ui.add_enabled(current.is_some(), button).on_hover_text(tip).clicked() {
-                    requests.assist(AssistInput::Answer(answer));
+                    requests.ask(Intent::Answer(answer));
                 }
             }
             if ui.add_enabled(reading.may_undo(), egui::Button::new("Undo")).clicked() {
-                requests.assist(AssistInput::Undo);
+                requests.ask(Intent::UndoAnswer);
             }
         });
         if let Some((n, said)) = current.zip(said) {
             let mut note = said.note.clone();
             let edit = TextEdit::singleline(&mut note).hint_text("note").desired_width(f32::INFINITY).char_limit(2000);
             if ui.add(edit).changed() {
-                requests.assist(AssistInput::Note(n, note));
+                requests.ask(Intent::Note(n, note));
             }
         }
         if let Some(place) = current.and_then(|n| found.list.get(n)?.along) {
@@ -182,7 +183,7 @@ impl CandidatesPanel {
             let mut marks = assistant.is_marking;
             let tip = context.tip("candidate-marks");
             if ui.checkbox(&mut marks, "Marks").on_hover_text(tip).changed() {
-                requests.assist(AssistInput::Mark);
+                requests.ask(Intent::Mark);
             }
             let text = if assistant.is_measuring { "Stop measuring" } else { "Measure" };
             context.button(ui, text, "measure-lesion", requests);
@@ -197,7 +198,7 @@ impl CandidatesPanel {
                 ui.add(TextEdit::singleline(path).desired_width(f32::INFINITY));
             });
             if let Some(load) = load {
-                requests.assist(AssistInput::Load(load));
+                requests.ask(Intent::LoadAnswers(load));
                 self.path = None;
             }
         }
@@ -234,7 +235,7 @@ impl CandidatesPanel {
                 let said = reading.said(n);
                 words(&p, image.right_top() + vec2(8.0, -1.0), n, entry, rect.width() < NARROW, said);
                 if row.clicked() {
-                    requests.assist(AssistInput::Select(n));
+                    requests.ask(Intent::Select(n));
                 }
             }
         });
@@ -284,7 +285,7 @@ fn lesion(measured: &Measured, ui: &mut Ui, requests: &mut Requests) {
     ui.horizontal_wrapped(|ui| {
         ui.label(RichText::new("Measured lesion").strong().color(DIAMETER));
         if ui.small_button("Forget").clicked() {
-            requests.assist(AssistInput::Forget);
+            requests.ask(Intent::ForgetLesion);
         }
     });
     let m = match measured {

@@ -4,8 +4,9 @@ use egui::{Color32, Event, Painter, PointerButton, Pos2, Rect, Sense, Stroke, Ui
 use glam::DVec3;
 
 use super::candidates::Marking;
-use super::{Context, FlightInput, Panel, PanelEntry, Requests, candidates, measures, notches};
+use super::{Context, Panel, PanelEntry, Requests, candidates, measures, notches};
 use crate::components::output::Picture;
+use crate::host::window::intent::Intent;
 use crate::host::window::overlay::{self, HudState};
 use crate::host::window::style::Severity;
 use crate::space::first_crossing;
@@ -51,7 +52,7 @@ pub struct FlightPanel {
 impl Panel for FlightPanel {
     fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
         let rect = ui.available_rect_before_wrap();
-        if let Some(why) = context.controller.unflown() {
+        if let Some(why) = context.view.unflown() {
             return overlay::unflown(&ui.painter_at(rect), rect, why, context.hud.message.as_deref());
         }
         // Tab must not reach it: its keys belong to the flight.
@@ -81,9 +82,9 @@ impl FlightPanel {
                 Event::PointerMoved(at) => {
                     if let (Some(drag), Some(last)) = (self.drag, self.pointer) {
                         let [right, down] = [at.x - last.x, at.y - last.y].map(|d| f64::from(d) * scale);
-                        requests.fly(match drag {
-                            Drag::Look => FlightInput::Look([right, down]),
-                            Drag::Roll => FlightInput::Roll(right),
+                        requests.ask(match drag {
+                            Drag::Look => Intent::Look([right, down]),
+                            Drag::Roll => Intent::Roll(right),
                         });
                     }
                     self.pointer = Some(at);
@@ -91,7 +92,7 @@ impl FlightPanel {
                 Event::PointerButton { pos, button, pressed: true, modifiers } if here(pos) && !menu => {
                     self.pointer = Some(pos);
                     match (button, overlay::on_bar(rect, pos)) {
-                        (PointerButton::Primary, Some(share)) => requests.fly(FlightInput::Seek(share)),
+                        (PointerButton::Primary, Some(share)) => requests.ask(Intent::Seek(share)),
                         (PointerButton::Primary, None) if !modifiers.shift => {
                             self.drag = Some(Drag::Look);
                             self.pressed = Some((pos, time));
@@ -107,7 +108,7 @@ impl FlightPanel {
                         let at = (pos - rect.min) * ui.pixels_per_point();
                         let at = [at.x, at.y].map(f64::from);
                         let twice = self.clicked.take().is_some_and(|c| near(&c, TWICE_S));
-                        requests.fly(if twice { FlightInput::LookAt(at) } else { FlightInput::Click(at) });
+                        requests.ask(if twice { Intent::LookAt(at) } else { Intent::Click(at) });
                         self.clicked = (!twice).then_some((pos, time));
                     }
                 }
@@ -115,7 +116,7 @@ impl FlightPanel {
                 Event::MouseWheel { unit, delta, modifiers, .. } if self.pointer.is_some_and(here) => {
                     let notches = notches(unit, delta, ui.pixels_per_point());
                     let zooms = modifiers.command || modifiers.ctrl;
-                    requests.fly(if zooms { FlightInput::Zoom(notches) } else { FlightInput::Speed(notches) });
+                    requests.ask(if zooms { Intent::Zoom(notches) } else { Intent::Speed(notches) });
                 }
                 _ => {}
             }
@@ -126,7 +127,7 @@ impl FlightPanel {
 /// Draws what is over the flight's picture in a rectangle of the window, without a panel.
 pub(in crate::host::window) fn draw_alone(context: &Context<'_>, ui: &Ui, rect: Rect, hud: &HudState) {
     let p = ui.painter_at(rect);
-    match context.controller.unflown() {
+    match context.view.unflown() {
         Some(why) => overlay::unflown(&p, rect, why, None),
         None => {
             marks(context, &p, rect);
@@ -138,7 +139,7 @@ pub(in crate::host::window) fn draw_alone(context: &Context<'_>, ui: &Ui, rect: 
 /// Draws the place pointed at and the measures where they are visible in the picture.
 fn marks(context: &Context<'_>, p: &Painter, rect: Rect) {
     let cursor = context.cursor();
-    if !context.controller.has_marks() {
+    if !context.view.has_marks() {
         return;
     }
     let Some(view) = context.flight.camera::<Picture>().and_then(|picture| picture.view.as_ref()) else { return };

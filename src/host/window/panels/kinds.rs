@@ -2,8 +2,9 @@
 
 use egui::{Button, Color32, RichText, ScrollArea, Sense, Ui, vec2};
 
-use super::{Context, Panel, PanelEntry, Request, Requests};
+use super::{Context, Panel, PanelEntry, Requests};
 use crate::fields::lumen::GasKind;
+use crate::host::window::intent::Intent;
 use crate::host::window::kinds::{CHOICES, Kinds, LEGEND, colour, name};
 use crate::host::window::style::{SOFT, Severity};
 
@@ -83,7 +84,7 @@ fn chosen(context: &Context<'_>, kinds: &Kinds, ui: &mut Ui, requests: &mut Requ
             let is_so = kind == Some(body.kind) && body.is_told;
             let is_possible = kind.is_some() || body.is_told;
             if ui.add_enabled(is_possible, Button::new(text).selected(is_so)).on_hover_text(tip).clicked() {
-                requests.ask(Request::Kind(kind));
+                requests.ask(Intent::Kind(kind));
             }
         }
     });

@@ -4,6 +4,7 @@ use egui::{Align2, Color32, Painter, Pos2, ScrollArea, Stroke, Ui};
 use glam::DVec3;
 
 use super::{Context, Panel, PanelEntry, Requests};
+use crate::host::window::intent::Intent;
 use crate::host::window::style::{INK, SOFT, TEXT, text};
 
 /// Its entry in the table.
@@ -38,7 +39,7 @@ impl Panel for MeasuresPanel {
             for (n, m) in measures.list().iter().enumerate() {
                 ui.horizontal(|ui| {
                     if ui.button("Delete").on_hover_text("delete this distance").clicked() {
-                        requests.delete_measure(n);
+                        requests.ask(Intent::DeleteMeasure(n));
                     }
                     let name = format!("{}.  {}", n + 1, m.text());
                     if ui.button(name).on_hover_text("show it in the slices").clicked() {
@@ -87,19 +88,18 @@ mod tests {
     use egui::{LayerId, RawInput, Rect, Shape, pos2, vec2};
 
     use super::*;
-    use crate::host::window::actions::{ActionContext, Actions};
-    use crate::host::window::controller::tests::controller;
+    use crate::host::window::action::Actions;
+    use crate::host::window::contract::WindowView;
+    use crate::host::window::controller::tests::{controller, perform};
+    use crate::host::window::intent::SliceInput;
     use crate::host::window::keys::KeySettings;
     use crate::host::window::overlay::HudState;
-    use crate::host::window::panels::SliceInput;
-    use crate::render::ImageSize;
 
     #[test]
     fn measures_are_drawn_between_the_ends_that_are_visible() {
         let (mut c, now) = (controller("manual"), Instant::now());
         let actions = Actions::new(&c.flight().setup().scene.guides, &[], &[], &KeySettings::new()).unwrap();
-        let at = ActionContext { window: ImageSize::new(0, 0), now };
-        c.perform(actions.named("measure").unwrap(), at);
+        perform(&mut c, "measure", now);
         // A distance of 5 mm in view, one with an end behind it, and one that is begun.
         for place in [[40.0, 50.0, 1.0], [43.0, 54.0, 1.0], [80.0, 50.0, 1.0], [80.0, 60.0, 9.0], [120.0, 70.0, 1.0]] {
             c.slice(SliceInput::Click(DVec3::from_array(place)), now);

@@ -2,8 +2,9 @@
 
 use egui::{Align2, Color32, RichText, ScrollArea, Ui, vec2};
 
-use super::{Context, Panel, PanelEntry, Request, Requests, SeenInput, rows};
+use super::{Context, Panel, PanelEntry, Requests, rows};
 use crate::coverage::{LiveCoverage, Missed};
+use crate::host::window::intent::Intent;
 use crate::host::window::style::{INK, SOFT, Severity, TEXT, text};
 
 /// Its entry in the table.
@@ -52,7 +53,7 @@ impl Panel for MissedPanel {
             };
             context.button(ui, text, "review", requests);
             if ui.button("List again").on_hover_text("the patches that are not seen until now").clicked() {
-                requests.ask(Request::Seen(SeenInput::List));
+                requests.ask(Intent::ListMissed);
             }
         });
         let Some(list) = seen.list() else { return };
@@ -101,7 +102,7 @@ impl MissedPanel {
                 }
                 text(&p, head.left_bottom(), Align2::LEFT_TOP, &place(patch), TEXT, SOFT);
                 if row.clicked() {
-                    requests.ask(Request::Seen(SeenInput::Visit(n)));
+                    requests.ask(Intent::VisitMissed(n));
                 }
             }
         });

@@ -6,13 +6,15 @@ use std::time::{Duration, Instant};
 
 use glam::DVec3;
 
-use super::{AssistInput, missed};
+use super::missed;
 use crate::app::study::Study;
 use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scan, Scene, Timings, colon};
 use crate::coverage::LiveCoverage;
 use crate::fields::{Along, AlongColon, lumen};
+use crate::host::window::contract::WindowView;
 use crate::host::window::controller::FlightController;
-use crate::host::window::controller::tests::{cockpit_of, perform, trace};
+use crate::host::window::controller::tests::{cockpit_of, perform, trace, wish};
+use crate::host::window::intent::Intent;
 use crate::phantom::PhantomSettings;
 use crate::polyps::detectors;
 use crate::progress::Progress;
@@ -108,7 +110,7 @@ fn candidates_agree(guide: &'static str, fluid: bool, collapsed: bool) {
     let (scan, along) = scanned(fluid, collapsed);
     let in_file = listed(scan.clone());
     let (mut c, mut now) = (window(scan, guide, 0.0), Instant::now());
-    c.assist(AssistInput::Begin, now);
+    wish(&mut c, Intent::Search, now);
     until(&mut c, &mut now, |c| c.assistant().unwrap().found().is_some());
     let found = Arc::clone(c.assistant().unwrap().found().unwrap());
     assert!(found.list.len() > 2 && found.list.len() <= in_file.len(), "{}", found.list.len());

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use egui::{Rect, RichText, ScrollArea, Ui};
 
 use super::series::SeriesList;
-use super::{Context, Panel, PanelEntry, Request, Requests};
+use super::{Context, Panel, PanelEntry, Requests};
+use crate::host::window::intent::Intent;
 use crate::host::window::style::SOFT;
 
 /// Its entry in the table.
@@ -84,7 +85,7 @@ impl FileList {
 
     /// Lays out the content that a window shows instead of a flight if the scan `opening` could not be opened: the reason, the
     /// `series` to choose from, other scans, and the key that quits. Returns the choice.
-    pub fn instead(
+    pub(in crate::host::window) fn instead(
         &mut self,
         why: &str,
         opening: Option<&Path>,
@@ -92,7 +93,7 @@ impl FileList {
         recent: &[PathBuf],
         quit: &str,
         ui: &mut Ui,
-    ) -> Option<Request> {
+    ) -> Option<Intent> {
         let area = ui.ctx().content_rect();
         let width = (area.width() * 0.85).min(720.0);
         let column = Rect::from_center_size(area.center(), egui::vec2(width, area.height() - 48.0));
@@ -106,10 +107,10 @@ impl FileList {
             ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
                 if let Some(path) = opening.filter(|_| !series.is_empty()) {
                     let number = SeriesList::at(&mut self.series, path).choose(series, ui);
-                    chosen = number.map(|n| Request::Open(path.to_owned(), Some(n)));
+                    chosen = number.map(|n| Intent::Open(path.to_owned(), Some(n)));
                     ui.separator();
                 }
-                chosen = chosen.take().or(self.ui(recent, ui).map(|path| Request::Open(path, None)));
+                chosen = chosen.take().or(self.ui(recent, ui).map(|path| Intent::Open(path, None)));
             });
         });
         chosen
@@ -175,7 +176,7 @@ impl Panel for FileList {
             if let Some((path, open)) = context.opened
                 && let Some(n) = SeriesList::at(&mut self.series, path).of_open(open, ui)
             {
-                requests.ask(Request::Open(path.to_owned(), Some(n)));
+                requests.ask(Intent::Open(path.to_owned(), Some(n)));
             }
             if let Some(path) = Self::ui(self, context.recent, ui) {
                 requests.open(path);

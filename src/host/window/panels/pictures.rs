@@ -15,14 +15,19 @@ use super::open::{FileList, Listing};
 use super::series::SeriesList;
 use super::*;
 use crate::app::{FlightRequest, OpenOptions, Scan, Scene};
-use crate::host::window::actions::ActionContext;
+use crate::components::slices::SliceView;
+use crate::host::window::action::Actions;
 use crate::host::window::background::Background;
+use crate::host::window::contract::WindowView;
+use crate::host::window::controller::FlightController;
+use crate::host::window::controller::tests::wish;
 use crate::host::window::directions::Directions;
+use crate::host::window::intent::{Intent, SliceInput};
 use crate::host::window::interface::{Interface, WindowSize};
 use crate::host::window::keys::KeySettings;
 use crate::host::window::layer::{Placed, compose};
 use crate::host::window::layouts::LAYOUTS;
-use crate::host::window::overlay;
+use crate::host::window::overlay::{self, HudState};
 use crate::host::window::painter::Artist;
 use crate::host::window::place::Bar;
 use crate::host::window::sheet::Sheet;
@@ -30,6 +35,7 @@ use crate::host::window::style::Severity;
 use crate::host::window::workspace::Workspace;
 use crate::output::png;
 use crate::phantom::PhantomSettings;
+use crate::polyps::answers::Answer;
 use crate::render::{Frame, ImageSize, Light};
 use crate::shared::shared;
 use crate::volume::io::study::{self, Picture, Series, Study};
@@ -154,8 +160,8 @@ impl Stage {
 
     /// Performs the action with that name.
     fn perform(&mut self, action: &str) {
-        let at = ActionContext { window: ImageSize::new(0, 0), now: Instant::now() };
-        self.controller.perform(self.actions.named(action).unwrap(), at);
+        let intent = self.actions.named(action).unwrap().intent.clone();
+        wish(&mut self.controller, intent, Instant::now());
     }
 
     /// Clicks on a point of the world, as in a slice.
@@ -219,8 +225,8 @@ fn candidates_look_as_they_did() {
     let mut panel = (candidates::PANEL.make)();
     // The first picture of the flight comes before the search.
     stage.panel(&mut *(flight::PANEL.make)());
-    let ask = |stage: &mut Stage, request| stage.controller.assist(request, Instant::now());
-    ask(&mut stage, AssistInput::Begin);
+    let ask = |stage: &mut Stage, request| wish(&mut stage.controller, request, Instant::now());
+    ask(&mut stage, Intent::Search);
     let begun = Instant::now();
     while stage.controller.may_read().is_err() {
         assert!(begun.elapsed() < std::time::Duration::from_secs(120));
@@ -228,13 +234,13 @@ fn candidates_look_as_they_did() {
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
     for request in [
-        AssistInput::Select(1),
-        AssistInput::Answer(Answer::No),
-        AssistInput::Select(0),
-        AssistInput::Answer(Answer::Yes),
-        AssistInput::Select(0),
-        AssistInput::Note(0, "on a fold".to_owned()),
-        AssistInput::Mark,
+        Intent::Select(1),
+        Intent::Answer(Answer::No),
+        Intent::Select(0),
+        Intent::Answer(Answer::Yes),
+        Intent::Select(0),
+        Intent::Note(0, "on a fold".to_owned()),
+        Intent::Mark,
     ] {
         ask(&mut stage, request);
     }
@@ -242,7 +248,7 @@ fn candidates_look_as_they_did() {
     // From the next picture on.
     stage.controller.advance(Instant::now()).unwrap();
     hold("candidates-marked", &stage.panel(&mut *(flight::PANEL.make)()));
-    ask(&mut stage, AssistInput::Measure);
+    ask(&mut stage, Intent::MeasureLesion);
     stage.click(place);
     hold("candidates-list", &stage.panel(&mut *panel));
     hold("candidates-measured", &stage.panel(&mut *(slices::AXIAL.make)()));
@@ -306,7 +312,7 @@ fn the_series_of_the_open_study_look_as_they_did() {
     let mut stage = Stage::new(ImageSize::new(440, 420), 1.0);
     let mut panel = scans().with_series(SeriesList::known(Path::new("/study"), study()));
     let picture = stage.picture(|context, ui, requests| {
-        let context = Context::new(context.controller, context.actions, context.recent, context.hud);
+        let context = Context::new(context.view, context.actions, context.recent, context.hud);
         Panel::ui(&mut panel, &context.of_scan(Some(Path::new("/study")), Some(2)), ui, requests);
     });
     hold("open-series", &picture);
@@ -391,5 +397,5 @@ fn loading_and_a_scan_that_cannot_be_flown_look_as_they_did() {
     failed(&mut stage, vec![Event::PointerMoved(at)]);
     failed(&mut stage, vec![click(true)]);
     let chosen = failed(&mut stage, vec![click(false)]).1;
-    assert_eq!(chosen, Some(Request::Open(PathBuf::from("/study"), Some(2))));
+    assert_eq!(chosen, Some(Intent::Open(PathBuf::from("/study"), Some(2))));
 }

@@ -8,8 +8,9 @@ use glam::DVec3;
 
 use super::candidates::Marking;
 use super::flight::{CLICK, TWICE_S};
-use super::{Context, Panel, PanelEntry, Requests, SliceInput, candidates, measures, notches};
+use super::{Context, Panel, PanelEntry, Requests, candidates, measures, notches};
 use crate::components::slices::{Orientation, SliceView};
+use crate::host::window::intent::SliceInput;
 use crate::host::window::style::{ACCENT, INK, SOFT, Severity, TEXT, label, text};
 use crate::render::slice::{SlabKind, Slice};
 

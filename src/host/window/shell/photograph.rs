@@ -3,19 +3,16 @@
 use std::time::Instant;
 
 use super::{Shell, Stage};
-use crate::host::window::panels::Context;
+use crate::host::window::contract::Context;
 use crate::host::window::photograph::Photograph;
 
 impl Shell {
-    /// Takes the views as they are laid out, if that was asked for.
+    /// Takes the views as they are laid out.
     pub(super) fn photograph(&mut self, now: Instant) {
         let size = self.window_size();
         let Stage::Flying(controller) = &mut self.stage else { return };
-        if !controller.takes_photograph() {
-            return;
-        }
         let hud = controller.hud(now);
-        let context = Context::new(controller, &self.actions, self.recent.scans(), &hud);
+        let context = Context::new(&**controller, &self.actions, self.recent.scans(), &hud);
         let context = context.of_scan(self.opening.as_deref(), self.series);
         let views = Photograph::take(&context, size, &self.views);
         controller.photograph(views, now);

@@ -1,0 +1,191 @@
+//! What the operator can want, by whatever key, button, menu, panel or action of another crate.
+
+use std::borrow::Cow;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use glam::DVec3;
+
+use super::assistant::Showing;
+use super::keys::Hold;
+use crate::components::input::Command;
+use crate::components::slices::Orientation;
+use crate::fields::lumen::GasKind;
+use crate::polyps::answers::Answer;
+use crate::render::ImageSize;
+
+/// Something that the operator wants. The window does it if it is possible, and says why not otherwise.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Intent {
+    /// Nothing by a key: it is a mouse gesture only.
+    Gesture,
+    /// Steer while the key is held.
+    Hold(Hold),
+    /// Pause or resume the flight.
+    Pause,
+    /// Turn round and fly back.
+    Reverse,
+    /// Fly the next segment that is not yet flown.
+    NextSegment,
+    /// Start from the other end.
+    OtherEnd,
+    /// Switch to manual control, or back to the last guide.
+    SwitchGuide,
+    /// Switch to the guide with this name.
+    Guide(&'static str),
+    /// Look around by a drag to the right and downwards, pixels.
+    Look([f64; 2]),
+    /// Roll by a drag to the right, pixels.
+    Roll(f64),
+    /// Narrow the view angle by a number of wheel notches.
+    Zoom(f64),
+    /// Reset the view angle.
+    UsualAngle,
+    /// Fly faster by a number of wheel notches.
+    Speed(f64),
+    /// Jump to a share of the path.
+    Seek(f64),
+    /// A click on a pixel of the flight's picture.
+    Click([f64; 2]),
+    /// Fly towards the point seen at a pixel of the picture, and look at it.
+    LookAt([f64; 2]),
+    /// Send a command to the flight.
+    Command(Command),
+
+    /// Show or hide the figures that only a developer needs.
+    Figures,
+    /// Switch between high and low detail.
+    Detail,
+    /// Switch between the endoscope's light and the headlight.
+    Light,
+    /// Switch between the scan without tag and the scan as it is.
+    Tag,
+    /// Show or hide the overlay with this number.
+    Overlay(usize),
+
+    /// A pointer's input to a slice.
+    Slice(SliceInput),
+    /// Set the grey-level window of the slices: level and width, HU.
+    Greys(f64, f64),
+    /// Switch to the next slab thickness.
+    Slab,
+    /// Switch to the next projection of a slab.
+    SlabKind,
+    /// Reset the slices.
+    ResetSlices,
+
+    /// Measure distances by clicks, or stop that.
+    Measure,
+    /// Delete a distance, by its number.
+    DeleteMeasure(usize),
+    /// Delete the last distance.
+    DeleteLast,
+    /// Undo the last change of distances, answers or kinds.
+    Undo,
+
+    /// Look for polyps, unless that is done or under way.
+    Search,
+    /// Stop looking for polyps.
+    CancelSearch,
+    /// Show a candidate, by its number from 0.
+    Select(usize),
+    /// Show the next candidate, or with `false` the previous one.
+    Step(bool),
+    /// Set which candidates the list shows, and in which order.
+    Show(Showing),
+    /// Answer whether the candidate that is shown is a polyp, and go on to the next without an answer.
+    Answer(Answer),
+    /// Write the note of a candidate, by its number from 0.
+    Note(usize, String),
+    /// Undo the last change of answers and notes.
+    UndoAnswer,
+    /// Mark candidates in all views, or stop that.
+    Mark,
+    /// Measure lesions by clicks, or stop that.
+    MeasureLesion,
+    /// Forget the measured lesion.
+    ForgetLesion,
+    /// Add the answers of a file.
+    LoadAnswers(PathBuf),
+
+    /// Show or hide the kinds of gas in the slices, and their panel.
+    Kinds,
+    /// Give a kind to the chosen body of gas, or with `None` take back what was given.
+    Kind(Option<GasKind>),
+
+    /// Paint or stop painting what of the wall was not seen, and show or hide its panel.
+    Coverage,
+    /// List the missed patches anew.
+    ListMissed,
+    /// Go to the missed patch with this number and look at it.
+    VisitMissed(usize),
+    /// Fly to the next missed patch.
+    NextMissed,
+    /// Fly past all missed patches, or end that.
+    Review,
+
+    /// Save a screenshot of all views.
+    Screenshot,
+    /// Save the flight's picture alone, and print its pose.
+    Picture,
+    /// Show a message for a moment.
+    Say(String),
+    /// Perform an action of the window, by its id.
+    Action(String),
+    /// Perform the action of another crate with this number.
+    Own(usize),
+
+    /// Open another scan. The number selects a series in a folder that holds several.
+    Open(PathBuf, Option<usize>),
+    /// Start a flight in the gas at a place, world mm, of a scan that is shown without one.
+    StartAt(DVec3),
+    /// Open the scan anew, for one flight through the whole colon.
+    Whole,
+    /// Show or hide the list of scans to open.
+    Files,
+    /// Toggle full screen.
+    Fullscreen,
+    /// Show or hide the list of keys.
+    Help,
+    /// Show the layout with this number.
+    Layout(usize),
+    /// Show or hide the panel with this number.
+    Panel(usize),
+    /// Cancel what is under way, or close what covers the window: the innermost of these. Never quits.
+    Cancel,
+    /// Quit the program; asks first if something is unfinished.
+    Quit,
+}
+
+/// A pointer's input to a slice.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum SliceInput {
+    /// A click at a place, world mm.
+    Click(DVec3),
+    /// Point at a place, world mm.
+    Point(DVec3),
+    /// Go to a place, world mm, or tell why the camera cannot; without a flight, start one there.
+    SetOut(DVec3),
+    /// Scroll by a number of layers, towards the viewer.
+    Scroll(Orientation, f64),
+    /// Move the image to the right and downwards, mm.
+    Pan(Orientation, [f64; 2]),
+    /// Magnify by a number of wheel notches about a place, world mm, which stays where it is in the image.
+    Zoom(Orientation, f64, DVec3),
+    /// Go to a place, world mm: point at it, in the middle of every slice, with at least so many mm across it.
+    GoTo(DVec3, f64),
+    /// Adjust the grey-level window by a drag in pixels: to the right widens it, upwards raises it.
+    Window([f64; 2]),
+}
+
+/// When and where something is wanted: the size of the picture and the time.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ActionContext {
+    /// Size of the flight's picture, pixels.
+    pub window: ImageSize,
+    /// Current time.
+    pub now: Instant,
+}
+
+/// The reason why something is not possible now.
+pub(crate) type WhyNot = Cow<'static, str>;
