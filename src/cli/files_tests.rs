@@ -142,9 +142,9 @@ fn data_beside_headers_and_slices_of_folders_are_not_overwritten() {
         let e = apart(read, written).unwrap_err();
         assert!(e.contains(why), "{e}");
     };
-    refused(&["scan.nhdr"], &["scan.mhd"], "scan.raw: is named for two things");
-    refused(&["other.mhd"], &["voxels.mhd"], "voxels.raw: is named for two things");
-    refused(&[], &["a.mhd", "a.raw"], "a.raw: is named for two things");
+    refused(&["scan.nhdr"], &["scan.mhd"], "scan.raw: is used twice");
+    refused(&["other.mhd"], &["voxels.mhd"], "voxels.raw: is used twice");
+    refused(&[], &["a.mhd", "a.raw"], "a.raw: is used twice");
     refused(&["slices"], &["slices/0.png"], "is a slice of");
     refused(&[], &["made/", "made/0000.png"], "is the name of a picture in");
     refused(&[], &["made", "made/0007-near.png"], "is the name of a picture in");

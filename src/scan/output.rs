@@ -217,7 +217,7 @@ pub fn make_folder(path: &Path) -> Result<()> {
     let bare: PathBuf = path.components().collect();
     std::fs::create_dir_all(path).map_err(|e| match bare.ancestors().find(|p| p.exists()) {
         Some(file) if !file.is_dir() => {
-            let why = format!("cannot be made a folder: {} is a file", file.display());
+            let why = format!("cannot be created: {} is a file", file.display());
             Error::output(path, why, "name another folder, or move the file away")
         }
         _ => cannot(path, e),
@@ -277,7 +277,7 @@ pub fn check_folders(outputs: &[&Path]) -> Result<()> {
     let is_missing = |p: &&&Path| place(p).parent().is_some_and(|f| !f.is_dir());
     outputs.iter().find(is_missing).map_or(Ok(()), |path| {
         if place(path).ancestors().skip(1).find(|p| p.exists()).is_some_and(|p| !p.is_dir()) {
-            let why = "cannot be written (what should be its folder is a file)";
+            let why = "cannot be written (its folder is a file)";
             return Err(Error::output(path, why, "name another folder"));
         }
         Err(Error::output(path, "cannot be written (its folder does not exist)", "make the folder first"))
@@ -310,8 +310,8 @@ pub fn check_apart(inputs: &[&Path], outputs: &[&Path]) -> Result<()> {
     for &path in outputs {
         let at = place(path);
         if taken.contains(&at) && !is_special(&at) {
-            let why = "is named for two things, of which one would overwrite the other";
-            return Err(Error::usage(path.display().to_string(), why, "give each a name of its own"));
+            let why = "is used twice, and one use would overwrite the other";
+            return Err(Error::usage(path.display().to_string(), why, "give each its own name"));
         }
         taken.push(at);
     }

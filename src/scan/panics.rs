@@ -52,7 +52,7 @@ pub fn catch<T>(work: impl FnOnce() -> T) -> Result<T, String> {
 /// # Errors
 /// Returns the error of `ask`, or status 1 if it panics.
 pub fn ask_plugin<T>(what: impl FnOnce() -> String, ask: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
-    catch(ask).unwrap_or_else(|why| Err(Error::fault(what(), format!("panicked: {why}"), "fix it, or do without it")))
+    catch(ask).unwrap_or_else(|why| Err(Error::fault(what(), format!("panicked: {why}"), "fix it or leave it out")))
 }
 
 /// Returns a panic's message on one line, with its location if known.

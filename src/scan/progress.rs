@@ -37,7 +37,7 @@ struct Job {
     listener: Option<Listener>,
 }
 
-/// A callback, and what it was told.
+/// A callback, and the values that it received last.
 struct Listener {
     /// The callback. Its lock is held while it runs, so that it runs once at a time.
     call: Mutex<Box<OnChange>>,
@@ -100,13 +100,13 @@ impl Progress {
         self.0.done.store(0, Relaxed);
         self.0.total.store(total, Relaxed);
         if let Some(listener) = &self.0.listener {
-            // Nothing done is told here, so it is no change later.
+            // Progress of 0 is reported here, so that it does not count as a change later.
             listener.percent.store(1, Relaxed);
             self.tell(listener);
         }
     }
 
-    /// Tells a change. If another thread is telling one, that thread tells this one, too, so that nobody waits, and the callback
+    /// Reports a change. If another thread is reporting one, it reports this one, too, so that no thread waits, and the callback
     /// may itself begin a stage.
     fn tell(&self, listener: &Listener) {
         listener.changes.fetch_add(1, SeqCst);
@@ -153,11 +153,7 @@ impl Progress {
     /// Returns status 4 if the job was cancelled, and 1 if its callback has panicked.
     pub fn check(&self) -> Result<()> {
         if let Some(why) = self.0.listener.as_ref().and_then(|l| l.fault.get()) {
-            return Err(Error::fault(
-                "callback of the progress",
-                format!("panicked: {why}"),
-                "fix it, or do without it",
-            ));
+            return Err(Error::fault("progress callback", format!("panicked: {why}"), "fix it or leave it out"));
         }
         if self.is_cancelled() { Err(Error::cancelled(self.snapshot().0)) } else { Ok(()) }
     }
@@ -215,7 +211,7 @@ mod tests {
 
     type Heard = Arc<Mutex<Vec<(String, Option<f64>)>>>;
 
-    /// Returns a job, and what its callback was told.
+    /// Returns a job, and the values that its callback received.
     fn heard() -> (Progress, Heard) {
         let heard = Arc::new(Mutex::new(Vec::new()));
         let told = Arc::clone(&heard);
@@ -287,7 +283,7 @@ mod tests {
         progress.stage("reading", 10);
         let e = progress.advance(5).unwrap_err();
         let told = e.to_string();
-        assert!(e.kind as u8 == 1 && told.contains("callback of the progress: panicked: told badly"), "{told}");
+        assert!(e.kind as u8 == 1 && told.contains("progress callback: panicked: told badly"), "{told}");
         assert_eq!(calls.load(Relaxed), 1, "not again");
     }
 }

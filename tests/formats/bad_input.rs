@@ -131,7 +131,7 @@ fn files() {
         ("matrix.mha", mha("NDims = 3", "NDims = 3\nTransformMatrix = 1 0 0 1 0 0 0 0 1", local), "singular"),
         ("zlib.mha", mha("NDims = 3", "NDims = 3\nCompressedData = True", local), "damaged"),
         ("zlib-cut.mha", [format!("{MHA}CompressedData = True\n{local}").as_bytes(), &zlib(&[0; 48])[..8]].concat(), "ends early"),
-        ("list.mhd", mha("NDims = 3", "NDims = 3", "ElementDataFile = LIST\n"), "file of its own"),
+        ("list.mhd", mha("NDims = 3", "NDims = 3", "ElementDataFile = LIST\n"), "its own file"),
         ("none.mhd", mha("NDims = 3", "NDims = 3", "ElementDataFile = none.raw\n"), "does not exist"),
         ("up.mhd", mha("NDims = 3", "NDims = 3", "ElementDataFile = ../up.raw\n"), "outside"),
         ("root.mhd", mha("NDims = 3", "NDims = 3", "ElementDataFile = /etc/passwd\n"), "outside"),
@@ -199,10 +199,10 @@ fn dicom() {
         ("mpeg.dcm", coded("1.2.840.10008.1.2.4.102", &[0; 64]).bytes(), "MPEG-4"),
         ("unknown.dcm", coded("1.2.3", &[0; 64]).bytes(), "transfer syntax 1.2.3"),
         ("rle.dcm", coded(dicom::RLE, &[9; 80]).bytes(), "damaged"),
-        ("jpeg.dcm", coded(dicom::JPEG_LOSSLESS, b"not a jpeg").bytes(), "does not begin"),
+        ("jpeg.dcm", coded(dicom::JPEG_LOSSLESS, b"not a jpeg").bytes(), "does not match its transfer syntax"),
         ("jpeg-8.dcm", coded(dicom::JPEG_LOSSLESS, b"\xff\xd8\xff\xc3\0\x0b\x08\0\x04\0\x06\x01\x01\x11\0").bytes(), "damaged"),
         ("jpegls.dcm", coded(dicom::JPEG_LS, b"\xff\xd8\xff\xf7\0\x0b\x10\0\x04\0\x06\x01\x01\x11\0").bytes(), "damaged"),
-        ("j2k.dcm", coded("1.2.840.10008.1.2.4.90", &[0xFF; 64]).bytes(), "does not begin"),
+        ("j2k.dcm", coded("1.2.840.10008.1.2.4.90", &[0xFF; 64]).bytes(), "does not match its transfer syntax"),
         ("rgb.dcm", Slice { samples: 3, photometric: "RGB", ..at(0.0) }.bytes(), "colours"),
         ("bits.dcm", Slice { allocated: 32, stored: 32, high: 31, ..at(0.0) }.bytes(), "32 bits"),
         ("spacing.dcm", Slice { spacing: "0\\1".to_owned(), ..at(0.0) }.bytes(), "spacing 0"),
@@ -230,11 +230,11 @@ fn dicom() {
     let mut changed = at(1.0);
     changed.pixels[0] = 7;
     series("twice", &[at(0.0), at(1.0), changed]);
-    refused(dir.path(), &["info", "twice"], 3, "has the position of");
+    refused(dir.path(), &["info", "twice"], 3, "has the same position as");
     series("sizes", &[at(0.0), Slice { rows: 6, cols: 4, ..at(1.0) }]);
     refused(dir.path(), &["info", "sizes"], 3, "its size");
     series("far", &[at(0.0), at(1.0), at(2.0), at(30000.0)]);
-    refused(dir.path(), &["info", "far"], 3, "span the space");
+    refused(dir.path(), &["info", "far"], 3, "cover the space");
     series("nowhere", &[at(0.0), Slice { position: None, ..at(1.0) }]);
     refused(dir.path(), &["info", "nowhere"], 3, "no ImagePositionPatient");
 }
@@ -259,7 +259,7 @@ fn folders_and_places() {
     std::fs::write(here.join("folder.mhd"), format!("{MHA}ElementDataFile = folder.raw\n")).unwrap();
     refused(here, &["info", "folder.mhd"], 3, "is a folder");
     if cfg!(target_os = "linux") {
-        refused(here, &["info", "/dev/zero"], 3, "no regular file");
+        refused(here, &["info", "/dev/zero"], 3, "not a regular file");
     }
     #[cfg(unix)]
     {
@@ -286,7 +286,7 @@ fn folders_of_png() {
     refused(here, &["info", "p", "--spacing", "1,0,1"], 2, "--spacing: [1, 0, 1] mm");
     refused(here, &["info", "p", "--spacing", "1,1"], 2, "--spacing");
     write("p/2.png", 4, 5);
-    refused(here, &["info", "p", "--spacing", "1,1,1"], 3, "4×5 where the first slice is 4×4");
+    refused(here, &["info", "p", "--spacing", "1,1,1"], 3, "4×5, but the first slice is 4×4");
     let whole = std::fs::read(here.join("p/1.png")).unwrap();
     std::fs::write(here.join("p/2.png"), &whole[..whole.len() / 2]).unwrap();
     refused(here, &["info", "p", "--spacing", "1,1,1"], 3, "damaged PNG");

@@ -217,7 +217,7 @@ fn duplicates() {
     assert!(loaded.notes[0].contains("duplicates"), "{:?}", loaded.notes);
     slices[12].pixels[0] += 1;
     let why = refusal(&slices);
-    assert!(why.contains("4.dcm") && why.contains("12.dcm") && why.contains("has the position of"), "{why}");
+    assert!(why.contains("4.dcm") && why.contains("12.dcm") && why.contains("has the same position as"), "{why}");
 }
 
 #[test]
@@ -233,7 +233,7 @@ fn slices_that_disagree_are_refused() {
     assert!(refusal(&s).contains("its spacing"));
     let mut s = stack(12);
     s[5].position = s[5].position.map(|[x, y, z]| [x + 3.0, y, z]);
-    assert!(refusal(&s).contains("beside the line"));
+    assert!(refusal(&s).contains("off the line"));
 }
 
 #[test]

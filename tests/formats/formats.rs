@@ -380,7 +380,7 @@ fn png_slices() {
     };
     let loaded = slices(body, &io::LoadOptions { spacing, ..io::LoadOptions::default() });
     assert!((loaded.volume.get(5, 5, 0) + 1000).abs() < 1 && (loaded.volume.get(40, 5, 0) - 40).abs() < 4);
-    assert!(loaded.notes[0].contains("carries no HU"), "{:?}", loaded.notes);
+    assert!(loaded.notes[0].contains("has no HU"), "{:?}", loaded.notes);
 }
 
 #[test]

@@ -23,10 +23,10 @@ sys.dont_write_bytecode = True
 from lost import VOXELS, Cases, slice_of
 
 N = 5
-DAMAGE = "5 slices with damaged elements that are not needed: these are passed over, the first: IM0000.dcm"
-FORM = "5 slices not encoded as their transfer syntax says: they are read as they are, the first: IM0000.dcm"
-SYNTAX = "5 slices without a transfer syntax: their bytes tell how they are encoded, the first: IM0000.dcm"
-FRAMES = "5 slices with 0 as NumberOfFrames: 1 is taken, the first: IM0000.dcm"
+DAMAGE = "5 slices with damaged elements that are not needed: these were skipped, the first: IM0000.dcm"
+FORM = "5 slices with an encoding other than their transfer syntax: they are read as encoded, the first: IM0000.dcm"
+SYNTAX = "5 slices without a transfer syntax: the encoding was derived from the data, the first: IM0000.dcm"
+FRAMES = "5 slices with NumberOfFrames 0: 1 is assumed, the first: IM0000.dcm"
 
 
 def codestream(voxels):

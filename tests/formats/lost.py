@@ -91,11 +91,11 @@ def dicom(c):
     out = c.series("whole")
     c.left("whole", files(out))
     damage = {
-        "empty": (lambda p: p.write_bytes(b""), "4 files are empty and were passed over, the first: IM"),
-        "cut": (lambda p: p.write_bytes(p.read_bytes()[:100]), "4 files are named as slices but are none and were passed over, the first: IM"),
-        "zeros": (lambda p: p.write_bytes(bytes(len(p.read_bytes()))), "4 files are named as slices but are none and were passed over, the first: IM"),
-        "page": (lambda p: p.write_bytes(b"<html>503 Service Unavailable</html>"), "4 files are named as slices but are none and were passed over, the first: IM"),
-        "gz": (packed, "4 slices are packed by gzip and were passed over (unpack them), the first: IM"),
+        "empty": (lambda p: p.write_bytes(b""), "4 files are empty and were skipped, the first: IM"),
+        "cut": (lambda p: p.write_bytes(p.read_bytes()[:100]), "4 files are named like slices but are not slices and were skipped, the first: IM"),
+        "zeros": (lambda p: p.write_bytes(bytes(len(p.read_bytes()))), "4 files are named like slices but are not slices and were skipped, the first: IM"),
+        "page": (lambda p: p.write_bytes(b"<html>503 Service Unavailable</html>"), "4 files are named like slices but are not slices and were skipped, the first: IM"),
+        "gz": (packed, "4 slices are compressed with gzip and were skipped (unpack them), the first: IM"),
     }
     for kind, (spoil, note) in damage.items():
         for place, spoilt in {"first": range(4), "last": range(16, 20)}.items():
@@ -109,13 +109,13 @@ def dicom(c):
     for f in files(out):
         f.rename(out / f.stem)
     (out / "IM0019").write_bytes(b"x" * 3000)
-    c.left("no_ending", sorted(out.iterdir())[:19], "1 file is named as a slice but is none and was passed over: IM0019")
+    c.left("no_ending", sorted(out.iterdir())[:19], "1 file is named like a slice but is not a slice and was skipped: IM0019")
     for name, syntax in {"bare": ExplicitVRLittleEndian, "bare_implicit": ImplicitVRLittleEndian}.items():
         for some in (range(16, 20), range(20)):
             out = c.series(f"{name}_{len(some)}", syntax)
             for k in some:
                 bare(out / f"IM{k:04}.dcm")
-            c.left(f"{name}_{len(some)}", files(out), f"{len(some)} slices without a transfer syntax: their bytes tell how they are encoded, the first: IM")
+            c.left(f"{name}_{len(some)}", files(out), f"{len(some)} slices without a transfer syntax: the encoding was derived from the data, the first: IM")
     for kind in ("empty", "gz"):
         out = c.series(f"middle_{kind}")
         damage[kind][0](out / "IM0009.dcm")
@@ -141,10 +141,10 @@ def dicom(c):
         os.symlink("/proc/self/mem", out / "memory")
     deep = out.joinpath(*["deeper"] * 10)
     deep.mkdir(parents=True)
-    notes = ["1 archive was not opened: more.zip", "1 folder is nested too deeply and was passed over: deeper/deeper/",
-             "2 links were not followed, the first: l", "1 file of another kind was passed over: blob"]
+    notes = ["1 archive was not opened: more.zip", "1 folder is nested too deeply and was skipped: deeper/deeper/",
+             "2 links were not followed, the first: l", "1 file of another kind was skipped: blob"]
     if sys.platform == "linux":
-        notes.insert(1, "1 file cannot be read and was passed over: memory")
+        notes.insert(1, "1 file cannot be read and was skipped: memory")
     c.left("others", files(out), *notes)
 
 
@@ -189,13 +189,13 @@ def pictures(c):
         (out / "more").mkdir()
         png(out / "more" / "s0020.png", GREY[0])
         png(out / "more" / "s0021.png", GREY[0])
-    good("png_below", "2 PNG files in subfolders were passed over, the first: more/s0020.png", change=below)
+    good("png_below", "2 PNG files in subfolders were skipped, the first: more/s0020.png", change=below)
 
     def beside(out):
         for name in (".DS_Store", "._s0001.png", "s0001.json", "README.txt", "Thumbs.db"):
             (out / name).write_bytes(b"some bytes of another kind")
     good("png_companions", change=beside)
-    good("png_two_names", "slices are named in 2 ways, such as a0.png and b0.png: all are taken for one scan",
+    good("png_two_names", "slices have 2 naming patterns, such as a0.png and b0.png: all are treated as one scan",
          names=lambda k: f"{'ab'[k // 10]}{k % 10}.png")
     nine = lambda out: out / "s0009.png"
     bad("png_empty", lambda out: nine(out).write_bytes(b""))

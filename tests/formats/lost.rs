@@ -8,20 +8,20 @@ use crate::support::judged;
 
 /// Folders that are refused, and why.
 const REFUSED: [(&str, &str); 12] = [
-    ("middle_empty", "slices are missing: 1 after slice 8 (1 file is empty and was passed over: IM0009.dcm)"),
+    ("middle_empty", "slices are missing: 1 after slice 8 (1 file is empty and was skipped: IM0009.dcm)"),
     (
         "middle_gz",
-        "slices are missing: 1 after slice 8 (1 slice is packed by gzip and was passed over (unpack it): IM0009.dcm.gz)",
+        "slices are missing: 1 after slice 8 (1 slice is compressed with gzip and was skipped (unpack it): IM0009.dcm.gz)",
     ),
     ("cut_header", "IM0019.dcm: ends early, inside its header"),
     ("png_empty", "s0009.png: is empty"),
-    ("png_jpeg", "s0009.png: is named as a slice but is no PNG"),
-    ("png_garbage", "s0009.png: is named as a slice but is no PNG"),
+    ("png_jpeg", "s0009.png: is named like a slice but is not a PNG"),
+    ("png_garbage", "s0009.png: is named like a slice but is not a PNG"),
     ("png_cut", "s0009.png: is a damaged PNG"),
     ("png_gap", "png_gap: 1 slice is missing between s0008.png and s0010.png"),
     ("png_gap_two", "png_gap_two: 2 slices are missing between s0008.png and s0011.png"),
     ("png_other_ending", "png_other_ending: 1 slice is missing between s0008.png and s0010.png"),
-    ("png_twice", "s09.png: has the number of s0009.png"),
+    ("png_twice", "s09.png: has the same number as s0009.png"),
     ("png_gap_steps", "png_gap_steps: 1 slice is missing between s0006.png and s0010.png"),
 ];
 
@@ -49,7 +49,7 @@ fn unreadable_folders_are_told() {
     std::fs::set_permissions(&closed, std::fs::Permissions::from_mode(0o000)).unwrap();
     if std::fs::read_dir(&closed).is_err() {
         let loaded = crate::support::reading::load(dir.path()).unwrap();
-        assert_eq!(loaded.notes, ["1 folder cannot be read and was passed over: closed"]);
+        assert_eq!(loaded.notes, ["1 folder cannot be read and was skipped: closed"]);
     }
     std::fs::set_permissions(&closed, std::fs::Permissions::from_mode(0o700)).unwrap();
 }

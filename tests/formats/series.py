@@ -230,7 +230,7 @@ def several(c):
 
 def nothing(c):
     """Passes that no header tells apart."""
-    lie, values_ = "lie as those of two or more passes", "have the position of another but other values"
+    lie, values_ = "spaced like those of two or more passes", "have the same position as another but different values"
     c.refused("lost_third", lie, run(1), run(2, start=STEP / 3))
     c.refused("lost_tenth", lie, run(1), run(2, start=STEP / 10))
     c.refused("lost_overlap", lie, run(1), run(2, start=10.3 * STEP))
@@ -303,14 +303,14 @@ def enhanced(c):
         told(f"enhanced_cardiac_{name}", (1, 0, cardiac(40.0), "cardiac phase 40 %"), (2, start, cardiac(75.0), "cardiac phase 75 %"))
     plain = lambda f, content: None
     file("enhanced_nothing", [(values(1, 12), 0, plain), (values(2, 12), 0, plain)])
-    c.cases.append({"name": "enhanced_nothing", "path": "enhanced_nothing.dcm", "refused": "and no header tells their passes apart"})
+    c.cases.append({"name": "enhanced_nothing", "path": "enhanced_nothing.dcm", "refused": "and no header separates the passes"})
     v = values(1, 12)
     file("enhanced_copies", [(v, 0, plain), (v[3:5], 3 * STEP, plain)])
     c.expect("enhanced_copies", [("", "supine")], [v], path="enhanced_copies.dcm",
              note="2 slices are duplicates of others and were left out, the first: frame ")
     file("enhanced_one_differs", [(v, 0, plain), (v[5:6] + 1, 3 * STEP, plain)])
     c.cases.append({"name": "enhanced_one_differs", "path": "enhanced_one_differs.dcm",
-                    "refused": "enhanced_one_differs.dcm: has the position of frame "})
+                    "refused": "enhanced_one_differs.dcm: has the same position as frame "})
 
 
 def copies(c):
@@ -345,7 +345,7 @@ def copies(c):
     scaled[0].RescaleIntercept = 1
     name = "copies_scaled"
     written(c.folder / name, run(1) + scaled)
-    c.cases.append({"name": name, "path": name, "refused": "but other values"})
+    c.cases.append({"name": name, "path": name, "refused": "but different values"})
 
 
 def media(c):
@@ -379,7 +379,7 @@ def media(c):
     c.expect("letters", [("", "supine")], [array], path="letters/DICOMDIR")
     for path in medium("gone", run(1)):
         path.unlink()
-    c.cases.append({"name": "gone", "path": "gone/DICOMDIR", "refused": "is the index of a medium, and no file that it lists is there"})
+    c.cases.append({"name": "gone", "path": "gone/DICOMDIR", "refused": "is the index of a medium, and none of the files that it lists exists"})
     # A name that leads out of the folder.
     for path in medium("out", run(1))[-1:]:
         path.rename(c.folder / "stolen.dcm")

@@ -196,10 +196,13 @@ fn supine_and_prone_under_one_uid_are_never_one_volume() {
 fn passes_that_no_header_tells_apart_are_refused() {
     let other = |s: Slice| Slice { pixels: s.pixels.iter().map(|p| p + 1).collect(), ..s };
     let e = refusal(&[pass(12, 0.0, |s| s), pass(12, 0.7, other)].concat());
-    assert!(e.why.starts_with("its slices lie as those of two or more passes"), "{e}");
-    assert_eq!(e.hint, "export each pass as a series of its own");
+    assert!(e.why.starts_with("its slices are spaced like those of two or more passes"), "{e}");
+    assert_eq!(e.hint, "export each pass as its own series");
     let e = refusal(&[pass(12, 0.0, |s| s), pass(12, 0.0, other)].concat());
-    assert!(e.why.starts_with("12 of its slices have the position of another but other values, the first "), "{e}");
+    assert!(
+        e.why.starts_with("12 of its slices have the same position as another but different values (first: "),
+        "{e}"
+    );
 }
 
 #[test]

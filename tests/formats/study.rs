@@ -113,7 +113,7 @@ fn what_is_no_scan_does_not_break_the_choice() {
     std::fs::write(dir.path().join("empty.dcm"), &prone[1][..200]).unwrap();
     let loaded = load(dir.path()).unwrap();
     assert_eq!(loaded.volume.grid().dims()[2], 12);
-    assert!(loaded.notes.iter().any(|n| n.contains("left out what cannot be read, 1 in all, the first: ")));
+    assert!(loaded.notes.iter().any(|n| n.contains("left out unreadable files (1), the first: ")));
     // A damaged slice of the scan itself is an error.
     let path = dir.path().join("d").join("4.dcm");
     let bytes = std::fs::read(&path).unwrap();

@@ -87,18 +87,18 @@ fn what_is_no_hu_is_refused_and_listed() {
     // Common writers give every image the type US: its values tell.
     let us = |s: Slice| Slice { units: "US", ..s };
     let told = notes(with(us).path());
-    assert_eq!(told, ["RescaleType is US (unspecified): its values are taken for HU"]);
+    assert_eq!(told, ["RescaleType is US (unspecified): its values are treated as HU"]);
     let raw = |s: Slice| Slice { intercept: "0", ..us(s) };
     let e = load(with(raw).path()).unwrap_err();
     assert!(e.why.contains("RescaleType is US") && e.why.contains("too high by about 102"), "{e}");
     let bare = |s: Slice| Slice { intercept: "", slope: "", ..s };
     let e = load(with(bare).path()).unwrap_err();
-    assert!(e.why.starts_with("has no RescaleSlope and RescaleIntercept, and its air lies near 2"), "{e}");
+    assert!(e.why.starts_with("has no RescaleSlope and RescaleIntercept, and its air is near 2"), "{e}");
     let low = |s: Slice| Slice { pixels: s.pixels.iter().map(|p| p.wrapping_sub(1024)).collect(), ..bare(s) };
-    let odd = "has no RescaleSlope and RescaleIntercept, and its air lies near 2";
+    let odd = "has no RescaleSlope and RescaleIntercept, and its air is near 2";
     let (_, told) = io::inspect(with(bare).path(), &io::LoadOptions::default(), &Progress::new()).unwrap();
     assert!(told.len() == 1 && told[0].starts_with(odd), "{told:?}");
-    assert_eq!(notes(with(low).path()), ["has no RescaleSlope and RescaleIntercept: its values are taken for HU"]);
+    assert_eq!(notes(with(low).path()), ["has no RescaleSlope and RescaleIntercept: its values are treated as HU"]);
 }
 
 /// A body in a box of air, as a file of any format.
@@ -121,7 +121,7 @@ fn values_without_air_are_told_in_every_format() {
         assert_eq!(told(|v| v), [""; 0], "{name}");
         assert_eq!(
             told(|v| v + 1024.0),
-            ["its air lies near 24, not near -1000 HU: values are too high by about 1024"],
+            ["its air is near 24, not -1000 HU: values are too high by about 1024"],
             "{name}"
         );
         let unit = "no voxel near -1000 HU: values lie within 0 and 1, as those of a normalised scan do";
@@ -146,11 +146,11 @@ fn values_are_blamed_before_the_preparation() {
     for args in [["segment", "m.nii"], ["centerline", "l.csv"], ["cleanse", "c.nii"], ["surface", "s.stl"]] {
         let (status, told) = said(&[args[0], &at("a.nii"), "--out", &at(args[1])]);
         let last = told.lines().last().unwrap();
-        assert!(status == 4 && last.contains("its air lies near 24, not near -1000 HU"), "{args:?}: {told}");
+        assert!(status == 4 && last.contains("its air is near 24, not -1000 HU"), "{args:?}: {told}");
     }
     let (status, told) = said(&["fly", &at("a.nii"), "--headless", "--seconds", "1"]);
     assert!(status == 4 && !told.contains("unprepared"), "{told}");
-    assert!(told.lines().last().unwrap().contains("its air lies near 24"), "{told}");
+    assert!(told.lines().last().unwrap().contains("its air is near 24"), "{told}");
 }
 
 #[test]
@@ -186,7 +186,7 @@ fn a_mask_has_zeros_outside_and_whole_numbers_inside() {
         write("m.nii.gz", values);
         let (status, told) = line("m.nii.gz");
         assert_eq!(status, if sound { 0 } else { 3 }, "{values:?}: {told}");
-        assert!(sound || told.contains("is no mask: "), "{told}");
+        assert!(sound || told.contains("is not a mask: "), "{told}");
         assert_eq!(said(&["surface", "--mask", &at("m.nii.gz"), "--out", &at("s.stl")]).0, status, "{values:?}");
     }
     // Shares of a voxel.
@@ -195,5 +195,5 @@ fn a_mask_has_zeros_outside_and_whole_numbers_inside() {
     let voxels = (0..grid().len()).flat_map(|n| if inside(n) { 0.8f32 } else { 0.0 }.to_le_bytes());
     std::fs::write(at("f.nrrd"), head.bytes().chain(voxels).collect::<Vec<_>>()).unwrap();
     let (status, told) = line("f.nrrd");
-    assert!(status == 3 && told.contains("of its voxels are no whole numbers"), "{told}");
+    assert!(status == 3 && told.contains("of its voxels are not whole numbers"), "{told}");
 }

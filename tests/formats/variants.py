@@ -21,9 +21,9 @@ X, Y, Z = 4, 3, 2
 VOXELS = numpy.random.default_rng(7).integers(-1000, 1500, (Z, Y, X)).astype(numpy.int16)
 RAW, BIG = VOXELS.astype("<i2").tobytes(), VOXELS.astype(">i2").tobytes()
 TEXT = "\n".join(str(v) for v in VOXELS.ravel()).encode() + b"\n"
-SPACE = "names no space: left-posterior-superior is taken"
-UNKNOWN = "does not tell the patient's sides: left-posterior-superior is taken"
-NO_SPACING = "tells no spacing: 1 mm is taken"
+SPACE = "names no space: left-posterior-superior is assumed"
+UNKNOWN = "does not name the patient's sides: left-posterior-superior is assumed"
+NO_SPACING = "has no spacing: 1 mm is assumed"
 DIRECTIONS = "space directions: (1,0,0) (0,2,0) (0,0,3)\nspace origin: (10,20,30)\n"
 LPS = "space: left-posterior-superior\n" + DIRECTIONS
 

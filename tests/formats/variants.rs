@@ -17,12 +17,12 @@ use crate::support::skips::skip;
 const REFUSED: [(&str, &str); 17] = [
     ("nrrd_hex", "encoding is \"hex\", not raw, gzip or ascii"),
     ("nrrd_bzip2", "encoding is \"bzip2\", not raw, gzip or ascii"),
-    ("nrrd_space_left_handed", "its space 3D-left-handed does not tell the patient's left from right"),
-    ("nrrd_list", "keeps each slice in a file of its own"),
-    ("nrrd_pattern", "keeps each slice in a file of its own"),
-    ("mha_list", "keeps each slice in a file of its own"),
-    ("mha_pattern", "keeps each slice in a file of its own"),
-    ("nrrd_ends_contradict", "spacings has 1 where axis mins and axis maxs give 3.25"),
+    ("nrrd_space_left_handed", "its space 3D-left-handed does not distinguish the patient's left from right"),
+    ("nrrd_list", "keeps each slice in its own file"),
+    ("nrrd_pattern", "keeps each slice in its own file"),
+    ("mha_list", "keeps each slice in its own file"),
+    ("mha_pattern", "keeps each slice in its own file"),
+    ("nrrd_ends_contradict", "spacings has 1, but axis mins and axis maxs give 3.25"),
     ("nrrd_vector", "has more than one value for each voxel"),
     ("mha_vector", "ElementNumberOfChannels is \"3\", not 1"),
     // Neither reads these.

@@ -96,7 +96,7 @@ pub fn find(detector: &Detector, colon: &Colon<'_>, progress: &Progress) -> Resu
     progress.stage("looking for polyps", 0);
     let found = ask_plugin(|| format!("detector {}", detector.name), || (detector.find)(colon, progress))?;
     if let Some(why) = misplaced(&found, colon) {
-        return Err(Error::fault(format!("detector {}", detector.name), why, "fix it, or do without it"));
+        return Err(Error::fault(format!("detector {}", detector.name), why, "fix it or leave it out"));
     }
     let mut found: Vec<Candidate> = found.into_iter().filter(|c| c.score.is_finite()).collect();
     let key = |c: &Candidate| c.position.to_array();

@@ -60,7 +60,7 @@ pub(super) fn locked(
             Err(TryLockError::Error(_)) => return Ok(file),
         }
     }
-    Err(io::Error::other("another program takes its temporary files away"))
+    Err(io::Error::other("another program removes its temporary files"))
 }
 
 /// Removes abandoned files in `folder`, once for each folder. Files that cannot be removed stay.

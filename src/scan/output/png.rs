@@ -8,7 +8,7 @@ use std::io::{self, BufRead, Seek, Write};
 use ::png::{BitDepth, Encoder, EncodingError, Filter, Limits, Reader, Transformations};
 pub use ::png::{ColorType, Compression, DecodingError};
 
-/// Memory that a decoder may take for itself, bytes. Its result is not counted.
+/// Memory that a decoder may allocate beside its result, bytes.
 const MOST_MEMORY: usize = 512 << 20;
 
 /// Encodes samples of 8 bits, row by row from the top. `size` is the width and the height, pixels.

@@ -48,7 +48,7 @@ impl Grid {
         }
         let count = dims.iter().try_fold(1usize, |n, &d| n.checked_mul(d)).filter(|&n| n <= isize::MAX as usize / 8);
         if count.is_none() || dims.iter().any(|&d| d > i32::MAX as usize) {
-            return refused(format!("dims {dims:?} are more than can be addressed"), "give fewer voxels");
+            return refused(format!("dims {dims:?} are too large"), "give fewer voxels");
         }
         if !spacing.is_finite() || spacing.min_element() <= 0.0 {
             return refused(format!("spacing {spacing} mm is not positive and finite"), SPACING_HINT);
@@ -57,7 +57,7 @@ impl Grid {
             return refused(format!("spacing {spacing} mm is out of range"), SPACING_HINT);
         }
         if !origin.is_finite() || origin.abs().max_element() > 1e9 {
-            return refused(format!("origin {origin} mm is not a place"), "give the first voxel's centre in mm, LPS");
+            return refused(format!("origin {origin} mm is not finite"), "give the first voxel's centre in mm, LPS");
         }
         let columns = [direction.x_axis, direction.y_axis, direction.z_axis].map(|c| c.normalize_or_zero());
         let direction = DMat3::from_cols(columns[0], columns[1], columns[2]);

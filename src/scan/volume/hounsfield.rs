@@ -40,7 +40,7 @@ impl fmt::Display for Oddity {
         match self {
             Self::Offset { gas, by } => {
                 let way = if *by > 0 { "too high" } else { "too low" };
-                write!(f, "its air lies near {gas}, not near -1000 HU: values are {way} by about {}", by.abs())
+                write!(f, "its air is near {gas}, not -1000 HU: values are {way} by about {}", by.abs())
             }
             Self::Unit(low) => {
                 write!(f, "no voxel near -1000 HU: values lie within {low} and 1, as those of a normalised scan do")

@@ -14,7 +14,7 @@ const DEEPEST: usize = 8;
 /// Maximum number of files; more than any scan has.
 const MOST_FILES: usize = 200_000;
 
-/// Number of bytes at the start of a file that tell what it is.
+/// Number of bytes at the start of a file by which its format is recognised.
 pub(crate) const HEAD: u64 = 512;
 
 /// The slices of a folder, in natural order of names.
@@ -28,7 +28,7 @@ pub(crate) enum Folder {
 /// Opens a folder and recognises its contents. Also returns notes on what is passed over. Fails with status 3 if the folder is
 /// empty, unreadable or contains neither kind, or if a file among PNG slices is none.
 pub(crate) fn open(path: &Path, progress: &Progress) -> Result<(Folder, Vec<String>)> {
-    progress.stage("looking into the folder", 0);
+    progress.stage("reading the folder", 0);
     let (mut files, mut passed) = (Vec::new(), Passed::default());
     collect(path, DEEPEST, &mut files, &mut passed, progress)?;
     let (mut dicom, mut png, mut rest) = (Vec::new(), Vec::new(), Vec::new());

@@ -128,7 +128,7 @@ fn grid(t: &Tags, axes: usize, notes: &mut Vec<String>) -> Result<Grid> {
         }
     }
     if t.get(&["ElementSize", "ElementSpacing"]).is_none() {
-        notes.push("tells no spacing: 1 mm is taken".to_owned());
+        notes.push("has no spacing: 1 mm is assumed".to_owned());
     }
     let origin = t.vector(&["Offset", "Position", "Origin"], solid, 0.0)?.unwrap_or([0.0; 3]);
     let direction = match t.get(&["TransformMatrix", "Orientation", "Rotation"]) {
@@ -193,7 +193,7 @@ fn section(t: &Tags, grid: &Grid, encoding: &Encoding) -> Result<Section> {
     let (_, name) = t.get(&["ElementDataFile"]).unwrap_or(("ElementDataFile", ""));
     let local = name.eq_ignore_ascii_case("local");
     if name == "LIST" || name.starts_with("LIST ") || name.contains('%') {
-        return Err(Error::file(path, "keeps each slice in a file of its own", "convert it to one data file"));
+        return Err(Error::file(path, "keeps each slice in its own file", "convert it to one data file"));
     }
     let data = if local { path.to_owned() } else { text::data_file(path, name)? };
     // A header without BinaryData is binary in practice; only an explicit "False" means text.

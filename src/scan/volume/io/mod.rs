@@ -72,7 +72,7 @@ enum Format {
     Nifti,
     MetaImage,
     Nrrd,
-    #[cfg_attr(not(feature = "dicom"), expect(dead_code, reason = "such a build refuses DICOM"))]
+    #[cfg_attr(not(feature = "dicom"), expect(dead_code, reason = "without the feature dicom, DICOM is refused"))]
     Dicom(Vec<PathBuf>),
     Png(Vec<PathBuf>),
 }
@@ -116,13 +116,13 @@ pub fn load_mask(path: &Path, options: &LoadOptions, progress: &Progress) -> Res
     let refuse = |why: String| Err(Error::file(path, why, "give a mask of the lumen: 0 outside, 1 inside"));
     let (negative, outside) = (count(|v| *v < 0), count(|v| *v == 0));
     if negative > 0 {
-        return refuse(format!("is no mask: {negative} of its voxels are negative"));
+        return refuse(format!("is not a mask: {negative} of its voxels are negative"));
     }
     if read.scanned.fractions > 0 {
-        return refuse(format!("is no mask: {} of its voxels are no whole numbers", read.scanned.fractions));
+        return refuse(format!("is not a mask: {} of its voxels are not whole numbers", read.scanned.fractions));
     }
     if outside == 0 {
-        return refuse("is no mask: no voxel of it is 0, so that nothing lies outside the lumen".to_owned());
+        return refuse("is not a mask: it has no voxel of 0, so nothing lies outside the lumen".to_owned());
     }
     let mut notes = [passed, read.scanned.notes].concat();
     notes.extend(unused(&format, read.scanned.volume.grid(), options, false));
@@ -146,7 +146,7 @@ struct Read {
 }
 
 /// What the values of an input are.
-#[cfg_attr(not(feature = "dicom"), expect(dead_code, reason = "only DICOM has other values than HU"))]
+#[cfg_attr(not(feature = "dicom"), expect(dead_code, reason = "only DICOM has values other than HU"))]
 enum Units {
     /// HU, as far as the input tells.
     Hu,
@@ -177,7 +177,7 @@ fn scan(path: &Path, format: &Format, options: &LoadOptions, modality: Modality,
         #[cfg(not(feature = "dicom"))]
         Format::Dicom(_) => {
             let _ = modality;
-            Err(Error::file(path, "is DICOM, which this build leaves out", "build it with the feature \"dicom\""))
+            Err(Error::file(path, "is DICOM, which this build does not support", "build it with the feature \"dicom\""))
         }
     }
 }
@@ -210,7 +210,7 @@ fn read(
                 notes.push(why);
             }
             (Units::Doubtful(why), odd) => {
-                notes.push(format!("{why}: its values are taken for HU"));
+                notes.push(format!("{why}: its values are treated as HU"));
                 notes.extend(odd.map(|odd| odd.to_string()));
             }
             (_, odd) => notes.extend(odd.map(|odd| odd.to_string())),
@@ -242,7 +242,7 @@ fn unused(format: &Format, grid: &Grid, options: &LoadOptions, any_gaps: bool) -
     notes
 }
 
-/// Adds what was passed over in a folder to an error, which may come from it: a slice between others is missing then.
+/// Adds what was skipped in a folder to an error, which may come from it: a slice between others is missing then.
 fn with_passed(e: Error, passed: &[String]) -> Error {
     if passed.is_empty() || e.kind != crate::error::Kind::Input || !e.choices.is_empty() {
         return e;
@@ -256,10 +256,10 @@ pub fn thick_slices(grid: &Grid) -> Option<String> {
     const THIN_MM: f64 = 3.0;
     let mm = (grid.spacing().max_element() * 10.0).round() / 10.0;
     (mm > THIN_MM && grid.dims().iter().all(|&n| n > 1))
-        .then(|| format!("{mm} mm slices: polyps under {} mm cannot be judged", (2.0 * mm * 10.0).round() / 10.0))
+        .then(|| format!("{mm} mm slices: polyps under {} mm cannot be assessed", (2.0 * mm * 10.0).round() / 10.0))
 }
 
-/// Returns the format of an input, and notes on what is passed over in a folder.
+/// Returns the format of an input, and notes on what is skipped in a folder.
 fn detect(path: &Path, progress: &Progress) -> Result<(Format, Vec<String>)> {
     let meta = std::fs::metadata(path).map_err(|e| source::unreadable(path, e))?;
     if meta.is_dir() {

@@ -137,7 +137,7 @@ struct Common {
 fn common(path: &Path, head: &[u8]) -> Result<Common> {
     let wrong = |why: String| Error::file(path, why, "give a NIfTI-1 or NIfTI-2 file");
     let (version, order) =
-        version(head).ok_or_else(|| wrong("is no NIfTI (neither 348 nor 540 at its beginning)".to_owned()))?;
+        version(head).ok_or_else(|| wrong("is not NIfTI (it begins with neither 348 nor 540)".to_owned()))?;
     let length = if version == 1 { 348 } else { 540 };
     if head.len() < length {
         return Err(wrong(format!("ends early: {} bytes of a header of {length}", head.len())));
@@ -282,7 +282,7 @@ fn element(path: &Path, c: &Common) -> Result<Element> {
     if c.bitpix != bits && c.bitpix != 0 {
         return Err(Error::file(
             path,
-            format!("has bitpix {} where its datatype {} has {bits}", c.bitpix, c.datatype),
+            format!("has bitpix {}, but its datatype {} has {bits}", c.bitpix, c.datatype),
             "correct the header",
         ));
     }
@@ -308,7 +308,7 @@ fn grid(path: &Path, c: &Common, dims: [usize; 3], notes: &mut Vec<String>) -> R
     for (k, p) in pixdim.iter_mut().enumerate().skip(axes) {
         if !(p.is_finite() && *p > 0.0) {
             *p = 1.0;
-            notes.push(format!("has {axes} dimensions: 1 mm is taken along axis {}", k + 1));
+            notes.push(format!("has {axes} dimensions: 1 mm is assumed along axis {}", k + 1));
         }
     }
     let mm = match c.units & 7 {
@@ -326,14 +326,14 @@ fn grid(path: &Path, c: &Common, dims: [usize; 3], notes: &mut Vec<String>) -> R
         let steps = RAS_LPS * DMat3::from_cols(column(0), column(1), column(2));
         let grid = frame::from_steps(path, dims, steps, RAS_LPS * column(3))?;
         if ((grid.spacing() - spacing) / spacing).abs().max_element() > 0.01 {
-            notes.push(format!("pixdim {spacing} mm differs from the sform's {} mm, which is taken", grid.spacing()));
+            notes.push(format!("pixdim {spacing} mm differs from the sform's {} mm, which is used", grid.spacing()));
         }
         return Ok(grid);
     }
     if let Some(rotation) = rotation {
         return frame::grid(path, dims, spacing, RAS_LPS * (c.qoffset * mm), RAS_LPS * rotation);
     }
-    notes.push("says nothing about orientation: x is taken to the left, y to posterior, z to superior".to_owned());
+    notes.push("has no orientation: x is assumed to point left, y to posterior, z to superior".to_owned());
     frame::grid(path, dims, spacing, DVec3::ZERO, DMat3::IDENTITY)
 }
 

@@ -29,7 +29,7 @@ pub(crate) fn by_histogram(data: &mut [i16]) -> String {
     let (air, tissue, note) = match landmarks(data) {
         Some((air, tissue)) => {
             let said = format!(
-                "carries no HU: grey {:.0} of 255 was taken as air and {:.0} as soft tissue; --hu LO,HI sets them",
+                "has no HU: grey {:.0} of 255 was taken as air and {:.0} as soft tissue; --hu LO,HI sets them",
                 air / 257.0,
                 tissue / 257.0
             );
@@ -38,7 +38,7 @@ pub(crate) fn by_histogram(data: &mut [i16]) -> String {
         // Air and tissue cannot be separated, so use the usual display window: black −1000 to white 400 HU.
         None => {
             let white = (SOFT_TISSUE - AIR) / 1400.0 * 65535.0;
-            (0.0, white, "carries no HU and too little contrast: black was taken as -1000 HU, white as 400".to_owned())
+            (0.0, white, "has no HU and too little contrast: black was taken as -1000 HU, white as 400".to_owned())
         }
     };
     map(data, |grey| AIR + (SOFT_TISSUE - AIR) * (grey - air) / (tissue - air));

@@ -145,7 +145,7 @@ fn section(f: &Fields, grid: &Grid, encoding: &Encoding) -> Result<Section> {
     let bytes = number(&["byte skip", "byteskip"])?;
     let (data, begin) = match f.get(&["data file", "datafile"]) {
         Some((_, name)) if name == "LIST" || name.starts_with("LIST ") || name.contains('%') => {
-            return Err(Error::file(path, "keeps each slice in a file of its own", "convert it to one data file"));
+            return Err(Error::file(path, "keeps each slice in its own file", "convert it to one data file"));
         }
         Some((_, name)) => (text::data_file(path, name)?, 0),
         None => {

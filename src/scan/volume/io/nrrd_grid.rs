@@ -112,7 +112,7 @@ pub(super) fn grid(f: &Fields, notes: &mut Vec<String>) -> Result<Grid> {
         if let Some(told) = ends.spacing(*size).filter(|_| step.is_none()) {
             frame::check_spacing(path, "axis maxs", &[told])?;
             if spacing.is_some_and(|s| (s - told).abs() > 0.01 * told) {
-                let why = format!("spacings has {} where axis mins and axis maxs give {told}", spacing.unwrap_or(told));
+                let why = format!("spacings has {}, but axis mins and axis maxs give {told}", spacing.unwrap_or(told));
                 return Err(Error::file(path, why, "correct the header"));
             }
             spacing = spacing.or(Some(told));
@@ -137,7 +137,7 @@ pub(super) fn grid(f: &Fields, notes: &mut Vec<String>) -> Result<Grid> {
         return Err(Error::file(path, "spacings has NaN, which is not positive and finite", "correct the header"));
     }
     if axes.iter().any(|a| a.step.is_none() && a.spacing.is_none()) {
-        notes.push("tells no spacing: 1 mm is taken".to_owned());
+        notes.push("has no spacing: 1 mm is assumed".to_owned());
     }
     let unit = [DVec3::X, DVec3::Y, DVec3::Z];
     let step = |k: usize| axes.get(k).map_or(unit[k], |a| a.step.unwrap_or(unit[k] * a.spacing.unwrap_or(1.0)));
@@ -160,7 +160,7 @@ pub(super) fn grid(f: &Fields, notes: &mut Vec<String>) -> Result<Grid> {
 fn first(f: &Fields, axes: &[Axis], notes: &mut Vec<String>) -> Result<DVec3> {
     let Some((key, value)) = f.get(&["axis mins", "axismins"]) else { return Ok(DVec3::ZERO) };
     if axes.iter().any(|a| a.step.is_some()) {
-        notes.push("has axis mins beside space directions: these are taken".to_owned());
+        notes.push("has axis mins beside space directions, which are used".to_owned());
         return Ok(DVec3::ZERO);
     }
     let mut out = DVec3::ZERO;
@@ -179,7 +179,7 @@ fn space_to_lps(f: &Fields, notes: &mut Vec<String>) -> Result<DMat3> {
             Some((_, "3")) | None => {}
             Some((key, value)) => return Err(bad(f.path, key, value, "3")),
         }
-        notes.push("names no space: left-posterior-superior is taken".to_owned());
+        notes.push("names no space: left-posterior-superior is assumed".to_owned());
         return Ok(DMat3::IDENTITY);
     };
     let name = value.trim().to_ascii_lowercase();
@@ -189,13 +189,14 @@ fn space_to_lps(f: &Fields, notes: &mut Vec<String>) -> Result<DMat3> {
         "left-anterior-superior" | "las" => Ok(flip(1.0, -1.0)),
         // Right-handed spaces that do not say where the patient's sides are.
         "scanner-xyz" | "3d-right-handed" => {
-            notes
-                .push(format!("its space {value} does not tell the patient's sides: left-posterior-superior is taken"));
+            notes.push(format!(
+                "its space {value} does not name the patient's sides: left-posterior-superior is assumed"
+            ));
             Ok(DMat3::IDENTITY)
         }
         "3d-left-handed" => Err(Error::file(
             f.path,
-            format!("its space {value} does not tell the patient's left from right"),
+            format!("its space {value} does not distinguish the patient's left from right"),
             "name the space in the header, such as left-posterior-superior",
         )),
         _ if name.ends_with("-time") || ["rast", "last", "lpst"].contains(&&*name) => Err(Error::file(

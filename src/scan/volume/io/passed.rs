@@ -1,15 +1,15 @@
-//! Files of a folder that are passed over: counted by kind, with the name of the first, so that no slice is lost in silence.
+//! Files of a folder that are skipped: counted by kind, with the name of the first, so that no slice is lost silently.
 
 use std::path::{Path, PathBuf};
 
 use super::{folder, png, source};
 
-/// Why a file is passed over.
+/// Why a file is skipped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Kind {
     /// It has no bytes.
     Empty,
-    /// It is named as a slice, or begins as one does, but is none.
+    /// Its name or its first bytes are those of a slice, but it is not one.
     Damaged,
     /// It is DICOM, packed by gzip.
     Gzip,
@@ -34,31 +34,31 @@ impl Kind {
     fn words(self, n: usize) -> &'static str {
         let one = n == 1;
         match self {
-            Self::Empty if one => "file is empty and was passed over",
-            Self::Empty => "files are empty and were passed over",
-            Self::Damaged if one => "file is named as a slice but is none and was passed over",
-            Self::Damaged => "files are named as slices but are none and were passed over",
-            Self::Gzip if one => "slice is packed by gzip and was passed over (unpack it)",
-            Self::Gzip => "slices are packed by gzip and were passed over (unpack them)",
+            Self::Empty if one => "file is empty and was skipped",
+            Self::Empty => "files are empty and were skipped",
+            Self::Damaged if one => "file is named like a slice but is not a slice and was skipped",
+            Self::Damaged => "files are named like slices but are not slices and were skipped",
+            Self::Gzip if one => "slice is compressed with gzip and was skipped (unpack it)",
+            Self::Gzip => "slices are compressed with gzip and were skipped (unpack them)",
             Self::Archive if one => "archive was not opened",
             Self::Archive => "archives were not opened",
-            Self::Unreadable if one => "file cannot be read and was passed over",
-            Self::Unreadable => "files cannot be read and were passed over",
-            Self::UnreadableFolder if one => "folder cannot be read and was passed over",
-            Self::UnreadableFolder => "folders cannot be read and were passed over",
-            Self::DeepFolder if one => "folder is nested too deeply and was passed over",
-            Self::DeepFolder => "folders are nested too deeply and were passed over",
+            Self::Unreadable if one => "file cannot be read and was skipped",
+            Self::Unreadable => "files cannot be read and were skipped",
+            Self::UnreadableFolder if one => "folder cannot be read and was skipped",
+            Self::UnreadableFolder => "folders cannot be read and were skipped",
+            Self::DeepFolder if one => "folder is nested too deeply and was skipped",
+            Self::DeepFolder => "folders are nested too deeply and were skipped",
             Self::Link if one => "link was not followed",
             Self::Link => "links were not followed",
-            Self::Below if one => "PNG file in a subfolder was passed over",
-            Self::Below => "PNG files in subfolders were passed over",
-            Self::Unknown if one => "file of another kind was passed over",
-            Self::Unknown => "files of another kind were passed over",
+            Self::Below if one => "PNG file in a subfolder was skipped",
+            Self::Below => "PNG files in subfolders were skipped",
+            Self::Unknown if one => "file of another kind was skipped",
+            Self::Unknown => "files of another kind were skipped",
         }
     }
 }
 
-/// The files of a folder that are passed over, in the order in which they were found.
+/// The files of a folder that are skipped, in the order in which they were found.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Passed(pub Vec<(Kind, PathBuf)>);
 
@@ -128,8 +128,8 @@ pub(crate) fn pattern(path: &Path) -> String {
     out
 }
 
-/// Returns why a file that is no slice is passed over, by its first bytes and its name; `None` if it plainly accompanies the scan.
-/// `like_slice` tells whether its name is like those of the slices.
+/// Returns why a file that is no slice is skipped, by its first bytes and its name; `None` if it plainly accompanies the scan.
+/// `like_slice` is true if its name is like those of the slices.
 pub(crate) fn kind(path: &Path, head: &[u8], like_slice: bool) -> Option<Kind> {
     // What macOS keeps beside a file that it copies (AppleDouble).
     let name = path.file_name().unwrap_or_default().to_string_lossy();

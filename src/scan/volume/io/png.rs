@@ -37,7 +37,7 @@ pub(crate) fn check_folder(folder: &Path, files: &[PathBuf], rest: Rest, mut pas
             Err(e) if like_slice => return Err(e),
             Err(_) => passed.add(passed::Kind::Unreadable, file),
             Ok(head) if like_slice => {
-                let why = if head.is_empty() { "is empty" } else { "is named as a slice but is no PNG" };
+                let why = if head.is_empty() { "is empty" } else { "is named like a slice but is not a PNG" };
                 return Err(Error::file(file, why, "export it again"));
             }
             Ok(head) if recognises(&head) => passed.add(passed::Kind::Below, file),
@@ -73,7 +73,7 @@ fn check_numbers(folder: &Path, files: &[PathBuf], patterns: &BTreeSet<String>) 
         let other = files.iter().find(|f| passed::pattern(f) != first).unwrap_or(&files[0]);
         let [a, b] = [&files[0], other].map(|f| passed::name_in(folder, f));
         return Ok(Some(format!(
-            "slices are named in {} ways, such as {a} and {b}: all are taken for one scan",
+            "slices have {} naming patterns, such as {a} and {b}: all are treated as one scan",
             patterns.len()
         )));
     }
@@ -94,7 +94,7 @@ fn check_numbers(folder: &Path, files: &[PathBuf], patterns: &BTreeSet<String>) 
         // Names by time or by rounded position rise as they like; a number that is missing doubles a step.
         let others = || steps.iter().filter(|s| **s != usual);
         if 8 * others().count() >= steps.len().max(16) || others().any(|s| s % usual != 0) {
-            return Ok(Some("slices are not numbered in equal steps: each is taken for the next".to_owned()));
+            return Ok(Some("slices are not numbered in equal steps: they are treated as consecutive".to_owned()));
         }
         let [a, b] = [k, k + 1].map(|k| passed::name_in(folder, &files[k]));
         let lost = (steps[k] / usual).saturating_sub(1).max(1);
@@ -106,15 +106,15 @@ fn check_numbers(folder: &Path, files: &[PathBuf], patterns: &BTreeSet<String>) 
 }
 
 fn same_number(folder: &Path, a: &Path, b: &Path) -> Error {
-    let why = format!("has the number of {}", passed::name_in(folder, a));
-    Error::file(b, why, "give each slice a number of its own")
+    let why = format!("has the same number as {}", passed::name_in(folder, a));
+    Error::file(b, why, "give each slice its own number")
 }
 
 /// Reads the slices, the most inferior first. Rows run to posterior, columns to the patient's left. Fails with status 3 if slices
 /// differ or are damaged, or if no spacing is given; status 4 if cancelled.
 pub(crate) fn load(input: &Path, files: &[PathBuf], options: &LoadOptions, progress: &Progress) -> Result<Scanned> {
     let spacing = options.spacing.ok_or_else(|| {
-        Error::file(input, "is a folder of PNG slices, which carry no voxel spacing", "give it with --spacing X,Y,Z")
+        Error::file(input, "is a folder of PNG slices, which have no voxel spacing", "give it with --spacing X,Y,Z")
     })?;
     frame::check_spacing(input, "--spacing", &spacing.to_array())?;
     let (width, height, deep) = size(&files[0])?;
@@ -142,7 +142,7 @@ pub(crate) fn load(input: &Path, files: &[PathBuf], options: &LoadOptions, progr
         .collect();
     let deep = results.into_iter().collect::<Result<Vec<_>>>()?;
     if deep.iter().any(|d| *d != deep[0]) {
-        return Err(Error::file(input, "mixes slices of 8 and of 16 bits", "export them alike"));
+        return Err(Error::file(input, "mixes slices of 8 and of 16 bits", "export them with equal depth"));
     }
     let mut notes = Vec::new();
     match options.hu {
@@ -179,7 +179,7 @@ fn decode(path: &Path, wanted: (u32, u32), out: &mut [i16]) -> Result<bool> {
     let d = decoder(path)?;
     let found = d.size();
     if found != wanted {
-        let why = format!("is {}×{} where the first slice is {}×{}", found.0, found.1, wanted.0, wanted.1);
+        let why = format!("is {}×{}, but the first slice is {}×{}", found.0, found.1, wanted.0, wanted.1);
         return Err(Error::file(path, why, "give slices of equal size"));
     }
     let deep = d.is_deep();

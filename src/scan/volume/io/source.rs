@@ -53,7 +53,7 @@ pub(crate) fn open(path: &Path) -> Result<(File, u64)> {
         return Err(Error::file(path, "is a folder where a file is expected", "name a file"));
     }
     if !meta.is_file() {
-        return Err(Error::file(path, "is no regular file", "give a file"));
+        return Err(Error::file(path, "is not a regular file", "give a file"));
     }
     let file = File::open(path).map_err(|e| unreadable(path, e))?;
     Ok((file, meta.len()))

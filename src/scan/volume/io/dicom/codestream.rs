@@ -83,11 +83,10 @@ pub(super) fn unpack(file: &FileHead, codec: Codec, packed: &[u8]) -> Result<Unp
         None
     } else {
         let wanted = (u32::from(file.cols), u32::from(file.rows));
-        let coded =
-            coded(codec, packed).ok_or_else(|| damaged("does not begin as its transfer syntax says".to_owned()))?;
+        let coded = coded(codec, packed).ok_or_else(|| damaged("does not match its transfer syntax".to_owned()))?;
         if coded.size != wanted {
             let (x, y) = coded.size;
-            return Err(damaged(format!("is coded as {x}×{y} where the header has {}×{}", wanted.0, wanted.1)));
+            return Err(damaged(format!("is {x}×{y}, but the header says {}×{}", wanted.0, wanted.1)));
         }
         Some(coded)
     };
@@ -103,10 +102,10 @@ pub(super) fn unpack(file: &FileHead, codec: Codec, packed: &[u8]) -> Result<Unp
         Codec::Rle | Codec::Native(_) => rle::unpack(packed, voxels, sample),
     });
     let bytes = outcome
-        .map_err(|_| damaged("is damaged (its decoder gave up)".to_owned()))?
+        .map_err(|_| damaged("is damaged (the decoder failed)".to_owned()))?
         .map_err(|why| damaged(format!("is damaged ({why})")))?;
     if bytes.len() != size {
-        return Err(damaged(format!("decodes to {} bytes where {size} are declared", bytes.len())));
+        return Err(damaged(format!("decodes to {} bytes, but the header declares {size}", bytes.len())));
     }
     let layout = match coded {
         Some(coded) => Layout::of_stream(file, coded.bits.into(), coded.signed, sample, &bytes),

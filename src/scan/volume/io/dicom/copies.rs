@@ -51,7 +51,7 @@ pub(crate) fn left_out(
         [only] => {
             let (of, slice) = &copies[only];
             let [two, one] = named(input, slice, &kept[*of]);
-            let why = format!("has the position of {one} but other values");
+            let why = format!("has the same position as {one} but different values");
             let what = if slice.file.path == input { format!("{two} of {}", input.display()) } else { two };
             return Err(Error { what, ..Error::file(input, why, "keep one of the two slices") });
         }
@@ -59,11 +59,10 @@ pub(crate) fn left_out(
             let (of, slice) = &copies[others[0]];
             let [two, one] = named(input, slice, &kept[*of]);
             let why = format!(
-                "{} of its slices have the position of another but other values, the first {two} that of {one}, and no header \
-                 tells their passes apart",
+                "{} of its slices have the same position as another but different values (first: {two} and {one}), and no header separates the passes",
                 others.len()
             );
-            return Err(Error::file(input, why, "export each pass as a series of its own"));
+            return Err(Error::file(input, why, "export each pass as its own series"));
         }
     }
     let [two, one] = files;

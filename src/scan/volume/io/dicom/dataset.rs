@@ -264,7 +264,7 @@ impl<'a> Walk<'a> {
             // Pixel data of an icon, encapsulated.
             return self.pass_fragments();
         }
-        // A private sequence is passed over as a whole, whatever the form of its items.
+        // A private sequence is skipped as a whole, whatever the form of its items.
         let private = tag.0 % 2 == 1 && length != UNDEFINED;
         // A value of unknown representation and undefined length is a sequence in implicit form (PS3.5, 6.2.2).
         let sequence = &vr == b"SQ" || length == UNDEFINED || (&vr == b"\0\0" && self.looks_like_items(length));

@@ -86,7 +86,7 @@ fn a_decimal_is_the_first_number_of_a_value() {
     assert_eq!(root.decimal((0x0018, 0x0088)), None, "not there");
 }
 
-/// A private sequence of undefined length whose items are explicit, and an icon of compressed pixels: both are passed over.
+/// A private sequence of undefined length whose items are explicit, and an icon of compressed pixels: both are skipped.
 #[test]
 fn what_is_not_needed_is_passed_over() {
     let rows = b"\x28\0\x10\0US\x02\0\x07\0".as_slice();
@@ -107,7 +107,7 @@ fn what_is_not_needed_is_passed_over() {
     }
 }
 
-/// Damage is passed over if nothing that is needed can be lost with it, and only in a whole file.
+/// Damage is skipped if nothing that is needed can be lost with it, and only in a whole file.
 #[test]
 fn damage_is_passed_over_where_it_harms_nothing() {
     let rows = b"\x28\0\x10\0US\x02\0\x07\0".as_slice();

@@ -12,7 +12,7 @@ pub(crate) fn fragments(bytes: &[u8], offset: usize) -> Result<Vec<&[u8]>, Fault
     let mut out = Vec::new();
     loop {
         let rest = bytes.get(walk.at..).unwrap_or_default();
-        // A file that ends is as one that ends in zeros. A sound fragment is told by its first byte.
+        // A file that ends early is like one that ends in zeros. A sound fragment is recognised by its first byte.
         if rest.iter().all(|b| *b == 0) {
             if out.last().is_some_and(|last| out.len() > 1 && is_end(out[1], last)) {
                 break;
@@ -37,7 +37,7 @@ pub(crate) fn fragments(bytes: &[u8], offset: usize) -> Result<Vec<&[u8]>, Fault
     Ok(out)
 }
 
-/// True if `last` ends the code stream that `first` begins. Run lengths tell their number themselves.
+/// True if `last` ends the code stream that `first` begins. Run lengths contain their own number.
 fn is_end(first: &[u8], last: &[u8]) -> bool {
     if !begins(first) && !first.starts_with(b"\0\0\0\x0cjP") {
         return true;

@@ -187,7 +187,7 @@ pub(crate) fn words(k: usize, passes: &[&Marks]) -> Vec<String> {
         m.values[k].as_ref().map(|v| v.text.split('\\').map(|t| t.trim().to_owned()).collect()).unwrap_or_default()
     };
     let all: Vec<Vec<String>> = passes.iter().map(parts).collect();
-    // Of an image type, only what differs is told.
+    // Of an image type, only the differing values are shown.
     let shared = |part: &String| passes.len() > 1 && all.iter().all(|p| p.contains(part));
     passes
         .iter()

@@ -151,7 +151,7 @@ fn groups(input: &Path, files: &[PathBuf], notes: &mut Vec<String>, progress: &P
         notes.extend(index.note(file));
         if file == input {
             if index.files.is_empty() {
-                let why = "is the index of a medium, and no file that it lists is there";
+                let why = "is the index of a medium, and none of the files that it lists exists";
                 return Err(Error::file(input, why, "copy the whole medium"));
             }
             // An index among the listed files is a folder's matter.
@@ -164,7 +164,7 @@ fn groups(input: &Path, files: &[PathBuf], notes: &mut Vec<String>, progress: &P
         Some(first) if groups.images() < 2 => return Err(first.clone()),
         Some(first) => {
             let n = unread.len();
-            notes.push(format!("left out what cannot be read, {n} in all, the first: {}: {}", first.what, first.why));
+            notes.push(format!("left out unreadable files ({n}), the first: {}: {}", first.what, first.why));
         }
         None => {}
     }
@@ -180,10 +180,10 @@ type OddKind = (fn(&Oddities) -> bool, &'static str);
 /// Returns notes on files of a series that are read although they are not as the standard says.
 fn odd(slices: &[Slice]) -> Vec<String> {
     let kinds: [OddKind; 4] = [
-        (|o| o.no_syntax, "without a transfer syntax: their bytes tell how they are encoded"),
-        (|o| o.other_form, "not encoded as their transfer syntax says: they are read as they are"),
-        (|o| o.damage, "with damaged elements that are not needed: these are passed over"),
-        (|o| o.no_frames, "with 0 as NumberOfFrames: 1 is taken"),
+        (|o| o.no_syntax, "without a transfer syntax: the encoding was derived from the data"),
+        (|o| o.other_form, "with an encoding other than their transfer syntax: they are read as encoded"),
+        (|o| o.damage, "with damaged elements that are not needed: these were skipped"),
+        (|o| o.no_frames, "with NumberOfFrames 0: 1 is assumed"),
     ];
     let one = |(has, words): &OddKind| {
         let mut odd = slices.iter().filter(|s| has(&s.file.oddities)).peekable();
@@ -220,7 +220,7 @@ fn gaps_in_words(gaps: &[Gap]) -> Option<String> {
 fn volume(input: &Path, stack: Stack, notes: &mut Vec<String>, progress: &Progress) -> Result<Volume> {
     let slice = usize::from(stack.slices[0].file.rows) * usize::from(stack.slices[0].file.cols);
     let count = slice.checked_mul(stack.slices.len()).filter(|n| n / slice == stack.slices.len());
-    let count = count.ok_or_else(|| Error::file(input, "is more than can be addressed", "give fewer slices"))?;
+    let count = count.ok_or_else(|| Error::file(input, "is too large", "give fewer slices"))?;
     for s in stack.slices.iter().filter(|s| s.file.pixels.length.is_none()) {
         pixels::check_expansion(&s.file)?;
     }
@@ -241,7 +241,7 @@ fn volume(input: &Path, stack: Stack, notes: &mut Vec<String>, progress: &Progre
         ));
     }
     if stack.slices.iter().any(|s| s.file.inverted) {
-        notes.push("is MONOCHROME1: low values are meant to be shown bright; HU are what they are".to_owned());
+        notes.push("is MONOCHROME1 (low values are displayed bright); the HU are unchanged".to_owned());
     }
     if stack.gaps.is_empty() && stack.uneven.is_none() {
         return Ok(Volume::new(stack.grid, data));

@@ -37,7 +37,7 @@ pub(crate) enum Kind {
 pub(crate) struct Origin {
     /// Hash of the patient's identity; without one, of the study.
     pub patient: u64,
-    /// True if the patient's identity is known. Some writers give no identity, and each slice a study of its own.
+    /// True if the patient's identity is known. Some writers give no identity, and put each slice into its own study.
     pub has_identity: bool,
     /// Hash of the study's UID.
     pub study: u64,
@@ -84,7 +84,7 @@ impl Origin {
     }
 }
 
-/// FNV-1a of texts. It only has to tell the patients of one folder apart.
+/// FNV-1a of texts. It only has to distinguish the patients of one folder.
 pub(super) fn hash(parts: &[&str]) -> u64 {
     let bytes = parts.iter().flat_map(|p| p.bytes().chain([0]));
     bytes.fold(0xCBF2_9CE4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01B3))

@@ -1,4 +1,4 @@
-//! Parses a file: its meta header, and its data set up to the pixel data. Damage that is not needed is passed over.
+//! Parses a file: its meta header, and its data set up to the pixel data. Damage that is not needed is skipped.
 
 use std::borrow::Cow;
 use std::io::Read;
@@ -11,7 +11,7 @@ const TRANSFER_SYNTAX: Tag = (0x0002, 0x0010);
 const FRAMES: Tag = (0x0028, 0x0008);
 /// Maximum unpacked size of a deflated data set, bytes.
 const MOST_UNPACKED: u64 = 1 << 30;
-/// Maximum number of damaged places that are passed over.
+/// Maximum number of damaged places that are skipped.
 const MOST_REPAIRS: usize = 64;
 
 /// Parses the bytes of a whole file. Also returns the bytes that the pixel position refers to: the inflated ones for a deflated
@@ -122,7 +122,7 @@ fn root(walk: &mut Walk, set: &mut DataSet, whole: bool) -> Result<(), Fault> {
                 }
             }
         } else {
-            // The end of a sequence that nobody began, or that damage has hidden.
+            // The end of a sequence that never began, or whose beginning is damaged.
             let fault = || Fault::Bad(format!("is damaged at byte {at} (no sequence to end)"));
             repairs += 1;
             if !whole || repairs > MOST_REPAIRS {

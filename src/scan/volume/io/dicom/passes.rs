@@ -31,7 +31,7 @@ pub(crate) struct Pass {
     pub words: String,
 }
 
-/// Indices of slices, and what tells them from others.
+/// Indices of slices, and what distinguishes them from others.
 #[derive(Clone, Debug)]
 struct Part {
     slices: Vec<usize>,
@@ -83,12 +83,12 @@ fn grouped<K: PartialEq>(slices: &[usize], key: impl Fn(usize) -> K) -> Vec<(K, 
     out
 }
 
-/// Splits by position of the patient and frame of reference. A slice that does not tell them contradicts none.
+/// Splits by position of the patient and frame of reference. A slice without them matches any.
 fn apart(slices: &[Slice], whole: &Part) -> Vec<Part> {
     let code = |s: usize| slices[s].patient_position.as_ref().map(|p| p.trim().to_ascii_uppercase());
     let frame = |s: usize| slices[s].origin.frame_of_reference;
     let codes = grouped(&whole.slices, code);
-    // Some writers give each slice a frame of its own.
+    // Some writers give each slice its own frame.
     let frames = grouped(&whole.slices, frame);
     let few = |groups: usize| groups > 2 && groups * LEAST_SLICES > whole.slices.len();
     let own = frames.len() > MOST_PASSES || few(frames.len()) || frames.iter().all(|f| f.1.len() == 1);

@@ -19,7 +19,7 @@ const WINDOW: (f32, f32) = (0.0, 2000.0);
 pub(crate) fn picture(slice: &Slice, side: usize, progress: &Progress) -> Result<Picture> {
     let file = &slice.file;
     let (cols, rows) = (usize::from(file.cols), usize::from(file.rows));
-    let too_large = || Error::file(&file.path, "is too large for a picture", "open the series");
+    let too_large = || Error::file(&file.path, "is too large for a preview", "open the series");
     if cols * rows > MOST_PIXELS {
         return Err(too_large());
     }

@@ -1,4 +1,4 @@
-//! What the bytes of a data set tell where its header is silent or wrong: the encoding, and where the next sound element begins.
+//! What the bytes of a data set reveal if its header is missing or wrong: the encoding, and where the next sound element begins.
 
 use super::dataset::{FLOAT_PIXEL_DATA, Form, ITEM, ITEM_END, PIXEL_DATA, SEQUENCE_END, Tag, UNDEFINED};
 use crate::volume::io::raw::ByteOrder;
@@ -14,7 +14,7 @@ const SHORT: [&[u8; 2]; 21] = [
 pub(super) const EXPLICIT: Form = Form { explicit: true, order: ByteOrder::Little };
 pub(super) const IMPLICIT: Form = Form { explicit: false, order: ByteOrder::Little };
 const BIG: Form = Form { explicit: true, order: ByteOrder::Big };
-/// Elements that say what the voxels are, where they lie and whose they are, as ranges: damage there is never passed over.
+/// Elements that say what the voxels are, where they lie and whose they are, as ranges: damage there is never skipped.
 const WANTED: [(Tag, Tag); 18] = [
     ((0x0008, 0x0008), (0x0008, 0x0008)),
     ((0x0008, 0x0016), (0x0008, 0x0016)),
@@ -66,7 +66,7 @@ fn tag(bytes: &[u8], at: usize, order: ByteOrder) -> Option<Tag> {
     Some((word(bytes, at, order)?, word(bytes, at.checked_add(2)?, order)?))
 }
 
-/// Returns the header at `at`; `None` if the bytes end or the value representation is none of the standard's.
+/// Returns the header at `at`; `None` if the bytes end or the value representation is not in the standard.
 fn head(bytes: &[u8], at: usize, form: Form) -> Option<Head> {
     let found = tag(bytes, at, form.order)?;
     if !form.explicit {

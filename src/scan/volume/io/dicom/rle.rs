@@ -17,7 +17,7 @@ pub(crate) fn unpack(packed: &[u8], voxels: usize, sample: usize) -> Result<Vec<
     for segment in 0..sample {
         let begin = word(1 + segment)?;
         let end = if segment + 1 < sample { word(2 + segment)? } else { packed.len() };
-        let bytes = packed.get(begin..end).filter(|_| begin >= HEADER).ok_or("has segments outside of it")?;
+        let bytes = packed.get(begin..end).filter(|_| begin >= HEADER).ok_or("has segments beyond its end")?;
         // The most significant bytes come first.
         expand(bytes, out[sample - 1 - segment..].iter_mut().step_by(sample))?;
     }

@@ -7,7 +7,7 @@ use crate::volume::io::raw::{ByteOrder, Element, Encoding, to_hu};
 
 /// HU at or below which a value of padding is no tissue …
 const BELOW_TISSUE: i16 = -900;
-/// … and above which it is none: the most that 12 bits hold.
+/// … and above which it is not: the largest value of 12 bits.
 const ABOVE_TISSUE: i16 = 3071;
 
 /// Where in a sample its value lies.
@@ -39,7 +39,7 @@ impl Layout {
 
     /// The layout of decoded `bytes`, in samples of `sample` bytes, of a code stream of `width` bits.
     ///
-    /// The header tells whether values are signed: a code stream mostly cannot, or is wrong. But a value has the sign bit of what
+    /// The header says whether values are signed: a code stream mostly cannot, or is wrong. But a value has the sign bit of what
     /// was coded, which may be narrower than the header says.
     pub(super) fn of_stream(file: &FileHead, width: u32, signed: bool, sample: usize, bytes: &[u8]) -> Self {
         let (bits, stored) = (file.bits, u32::from(file.bits.stored));
@@ -142,7 +142,7 @@ impl Padding {
     }
 
     fn contains(&self, value: i32) -> bool {
-        // A range whose ends lose bits is none any more.
+        // If the ends of the range lose bits, it is no longer a range.
         let whole = self.words.is_none() || self.values.0 == self.values.1;
         whole && (self.values.0..=self.values.1).contains(&value)
     }

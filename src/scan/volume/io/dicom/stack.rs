@@ -75,8 +75,8 @@ pub(crate) fn stack(input: &Path, mut slices: Vec<Slice>, progress: &Progress) -
     let layout = layout(input, &along);
     let regular = layout.as_ref().is_ok_and(|l| l.gaps.is_empty() && l.uneven.is_none());
     if !regular && even::several(&along) && !is_numbered(&slices) {
-        let why = "its slices lie as those of two or more passes, and no header tells the passes apart";
-        return Err(Error::file(input, why, "export each pass as a series of its own"));
+        let why = "its slices are spaced like those of two or more passes, and no header separates the passes";
+        return Err(Error::file(input, why, "export each pass as its own series"));
     }
     let layout = layout?;
     let last_slot = layout.slots.last().copied().unwrap_or(1.0).round().max(1.0);
@@ -89,7 +89,7 @@ pub(crate) fn stack(input: &Path, mut slices: Vec<Slice>, progress: &Progress) -
         if beside.length() > SIDEWAYS {
             return Err(Error::file(
                 &s.file.path,
-                format!("lies {:.2} mm beside the line of the other slices", beside.length()),
+                format!("lies {:.2} mm off the line of the other slices", beside.length()),
                 "export the series again",
             ));
         }
@@ -127,8 +127,8 @@ fn agree(slices: &[Slice]) -> Result<()> {
         if let Some(Difference { what, first, own }) = difference(&slices[0], b) {
             return Err(Error::file(
                 &b.file.path,
-                format!("its {what} is {own} where the series' first slice has {first}"),
-                "take the slices of another scan out of the series",
+                format!("its {what} is {own}, but the series' first slice has {first}"),
+                "remove the slices of other scans from the series",
             ));
         }
     }
@@ -204,7 +204,7 @@ fn layout(input: &Path, along: &[f64]) -> Result<Layout> {
     if !total.is_finite() || total > 4.0 * along.len() as f64 + 16.0 {
         return Err(Error::file(
             input,
-            format!("its {} slices span the space of {total} (usual distance {usual} mm)", along.len()),
+            format!("its {} slices cover the space of {total} (usual distance {usual} mm)", along.len()),
             "export the whole series",
         ));
     }

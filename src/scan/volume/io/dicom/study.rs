@@ -128,7 +128,7 @@ impl Groups {
     }
 }
 
-/// Returns the entry of `info` for a series. `chosen` tells whether the rest of `info` describes it.
+/// Returns the entry of `info` for a series. `chosen` is true if the rest of `info` describes it.
 pub(crate) fn entry(s: &Series, chosen: bool) -> Value {
     json!({
         "series": s.number,
