@@ -100,7 +100,7 @@ impl ThrustWriters {
     }
 }
 
-/// Adds a look at what the guide says before anything else writes it, so that only its own mistakes are told as the guide's.
+/// Checks what the guide says before anything else writes it, so that only its own mistakes are reported as the guide's.
 pub fn check_guide_plugin(app: &mut App, writers: ThrustWriters) {
     app.world.insert_resource(writers);
     let check = check_guide.after(FlightSystems::Guide).before(FlightSystems::Look);
@@ -136,7 +136,7 @@ pub fn sum_forces(
     sum.0 = if total.is_finite() {
         total
     } else {
-        note("a force", "is no number: the hand's alone acts");
+        note("a force", "is not finite: operator input only");
         hand.map(|h| h.acceleration).filter(|a| a.is_finite()).unwrap_or(DVec3::ZERO)
     };
 }

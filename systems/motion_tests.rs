@@ -122,7 +122,7 @@ fn of_a_force_that_is_no_number_only_the_hand_is_left() {
     test.app.equip((thrust(), MinePush(DVec3::NAN), Hand { acceleration: DVec3::Y * 3.0, ..Hand::default() }));
     test.steps(1).unwrap();
     assert_eq!(test.get::<Acceleration>().0, DVec3::Y * 3.0);
-    assert_eq!(test.app.take_notes(), ["a force is no number: the hand's alone acts"]);
+    assert_eq!(test.app.take_notes(), ["a force is not finite: operator input only"]);
     test.get_mut::<Hand>().acceleration = DVec3::X * f64::INFINITY;
     test.steps(1).unwrap();
     assert_eq!(test.get::<Acceleration>().0, DVec3::ZERO);

@@ -55,7 +55,7 @@ impl Guide for PathSettings {
 
     fn plug(&self, app: &mut App) -> Result<()> {
         let line = app.scan_get::<Centerline>().map(|c| Arc::clone(&c.0));
-        let route = line.ok_or_else(|| Error::fault("path", "there is no centerline", "report it"))?;
+        let route = line.ok_or_else(|| Error::fault("path", "the centerline is missing", "report it"))?;
         let (settings, last) = (*self, DVec3::ZERO);
         app.equip((
             Planned::new(route, self.look_ahead_mm),

@@ -49,7 +49,7 @@ fn near(a: DVec3, b: DVec3) {
 #[test]
 fn it_needs_a_centerline_and_starts_at_its_beginning() {
     let mut test = TestApp::new(&Room::new([20, 120, 20]));
-    assert!(PathSettings::default().plug(&mut test.app).unwrap_err().to_string().contains("no centerline"));
+    assert!(PathSettings::default().plug(&mut test.app).unwrap_err().to_string().contains("centerline is missing"));
     let settings = PathSettings { look_ahead_mm: 17.0, cruise_mm_s: 21.0, ..PathSettings::default() };
     let test = following(settings, route());
     let planned = test.get::<Planned>();

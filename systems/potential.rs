@@ -51,7 +51,8 @@ impl Guide for Potential {
     fn plug(&self, app: &mut App) -> Result<()> {
         let wall = app.scan_get::<WallDistances>().map(|d| Arc::clone(&d.0) as Field);
         let target = app.scan_get::<TargetDistances>().map(|d| Arc::clone(&d.0) as Field);
-        let wall = wall.ok_or_else(|| Error::fault("potential", "there are no distances to the wall", "report it"))?;
+        let wall =
+            wall.ok_or_else(|| Error::fault("potential", "the distances to the wall are missing", "report it"))?;
         app.equip((
             YieldingPotential { potential: *self, yields: 0, yields_until: 0 },
             PotentialField { potential: *self, wall, target },

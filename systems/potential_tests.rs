@@ -56,7 +56,7 @@ fn field(test: &TestApp) -> Potential {
 fn it_needs_the_distances_to_the_wall() {
     let mut test = TestApp::new(&Room::new([20; 3]));
     let refused = settings().plug(&mut test.app).unwrap_err().to_string();
-    assert!(refused.contains("no distances to the wall"), "{refused}");
+    assert!(refused.contains("distances to the wall are missing"), "{refused}");
     assert!(test.app.camera_get::<PotentialField>().is_none());
     let body = dynamics::Body { mass_g: 2.5, drag_per_s: 4.0, ..dynamics::Body::default() };
     assert_eq!(Guide::cruise_mm_s(&settings(), &body), 15.0, "150/(2.5 · 4)");

@@ -226,7 +226,7 @@ mod tests {
             let before = test.get::<Picture>().frame.clone();
             change(&mut test);
             assert!(traced(&mut test), "{what}");
-            // A renderer that goes on may reuse what it has seen; another one begins anew.
+            // A renderer that goes on may reuse what it has seen; another one starts from scratch.
             let renews = ["preset", "quality", "light", "samples"].contains(&what);
             assert!(!renews || is_fresh(&test), "{what}");
             let now = test.get::<Picture>().frame.clone();
@@ -363,7 +363,7 @@ mod tests {
         }
         assert_eq!(
             test.app.take_notes(),
-            ["preset careful made a frame of 3x5 pixels where 24x16 were asked for"],
+            ["preset careful made a frame of 3x5 pixels instead of 24x16"],
             "and it has its size"
         );
         assert_eq!(test.get::<Picture>().frame.size(), ImageSize::new(SIZE.0, SIZE.1));

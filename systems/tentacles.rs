@@ -169,7 +169,7 @@ mod tests {
             assert!(!o.exact);
             o
         };
-        // In sight, and so near to the wall behind it that the ray would meet the wall next.
+        // Visible, and so near to the wall behind it that the ray would meet the wall next.
         for (to, share) in [
             (DVec3::new(16.0, 60.0, 3.0), 1.0),
             (DVec3::new(19.5, 20.0, 10.0), 1.0),

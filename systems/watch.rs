@@ -31,7 +31,7 @@ pub fn plug(app: &mut App, settings: MonitorSettings, goal: Goal) -> Result<()> 
     Ok(())
 }
 
-/// Starts over after operator input, which is no circling.
+/// Starts over after operator input, which does not count as circling.
 pub fn restart_after_input(taken: On<TakenOver>, mut cameras: Query<&mut Watch>) {
     if let Ok(mut watch) = cameras.get_mut(taken.entity) {
         watch.rescue.restart();
@@ -92,8 +92,7 @@ pub fn watch_flight(clock: Res<Clock>, camera: Single<WatchedFlight, With<Main>>
     if f64::from(contact.stuck_steps) * clock.dt() >= STUCK_S && hand.is_none_or(|h| clock.tick >= h.on_until) {
         flight.state = State::Operator;
         flight.place = pose.position;
-        flight.reason =
-            "the camera is in the wall, or the lumen is narrower than it is, and no way out was found".to_owned();
+        flight.reason = "the camera is stuck in the wall or in a narrow lumen: no free space found".to_owned();
         return;
     }
     // There is nothing to watch without a guide that moves the camera, or while the operator has control.

@@ -1,4 +1,4 @@
-//! The colon that candidates are looked for in: without its tag, and cut out of the scan.
+//! The colon in which candidates are looked for: cleansed, and cut out of the scan.
 
 use crate::Timings;
 use crate::error::Result;
@@ -11,9 +11,9 @@ use crate::volume::Volume;
 #[doc(hidden)]
 pub const WALL_MM: f64 = 15.0;
 
-/// Takes the tag out of `volume`, whose lumen is `found`. Returns the lumen without tag, and what was taken, with the values that the
-/// scan had. `again` finds the lumen in the changed scan; `taken` is told what was taken before that. `with_along` measures along the
-/// scan as it is.
+/// Cleanses `volume`, whose lumen is `found`. Returns the cleansed lumen, and what was cleansed, with the values that the scan had.
+/// `again` finds the lumen in the changed scan; `taken` receives what was cleansed before that. `with_along` measures along the scan
+/// as scanned.
 ///
 /// # Errors
 /// Returns status 4 if interrupted, or an error of `again`.

@@ -29,12 +29,12 @@ impl Built {
     }
 }
 
-/// What was taken out of a scan.
+/// What was cleansed in a scan.
 #[derive(Clone, Debug, Serialize)]
 pub struct Taken {
     /// What it was, and what was left.
     pub text: String,
-    /// How long that took, s, with finding the lumen once more; `None` if nobody has told.
+    /// How long that took, s, with finding the lumen again; `None` if unknown.
     pub seconds: Option<f64>,
 }
 
@@ -51,7 +51,7 @@ pub struct Explanation {
     pub plugin_times: Vec<PluginTime>,
     /// Components of the entities. Those of other crates have the crate's name.
     pub components: Vec<String>,
-    /// What was taken out of the scan that is flown; `None` if it is flown as it is.
+    /// What was cleansed in the scan that is flown; `None` if it is flown as scanned.
     pub cleansed: Option<Taken>,
     /// Data structures in memory.
     pub built: Vec<Built>,
@@ -86,7 +86,7 @@ pub fn explain(flight: &FlightApp) -> Explanation {
         built.push(part(
             "values before cleansing",
             c.changes.bytes(),
-            "the flight through fluid: a window shows the scan as it was",
+            "the flight through fluid; a window shows the scan as scanned",
         ));
     }
     if let Some(t) = flight.camera::<Tentacles>() {
@@ -96,7 +96,7 @@ pub fn explain(flight: &FlightApp) -> Explanation {
         built.push(part("mines", m.settings.kept * size_of::<glam::DVec3>(), "the guide"));
     }
     if let Some(c) = flight.camera::<LiveCoverage>() {
-        built.push(part("wall and what was seen of it", c.bytes(), "coverage"));
+        built.push(part("wall, and which of it was seen", c.bytes(), "coverage"));
     }
     if let Some(w) = fields.walls() {
         built.push(part("wall distance field", w.bytes(), "the guide: D_s, and D_t lies on it"));
@@ -148,9 +148,9 @@ pub fn explain(flight: &FlightApp) -> Explanation {
     for (part, why) in [
         ("frame cache", other("only the preset colvis or [render] key_frames keeps bounds from frame to frame")),
         ("volume (7 + 1 bit)", other("only the preset colvis samples it")),
-        ("gradient cache", other("nothing that the scene chooses keeps gradients of voxels or cells")),
+        ("gradient cache", other("nothing in the scene keeps gradients of voxels or cells")),
         ("wall distance per voxel", other("no preset asks for it, and no [render] leap = \"voxel\"")),
-        ("gradients ahead of time", other("no preset asks for it, and no [render] gradients = \"stored\"")),
+        ("precomputed gradients", other("no preset asks for it, and no [render] gradients = \"stored\"")),
     ] {
         if !built.iter().any(|b| b.part == part) {
             left_out.push(LeftOut { part, why: why.to_owned() });
@@ -158,18 +158,18 @@ pub fn explain(flight: &FlightApp) -> Explanation {
     }
     if cleansed.is_none() {
         let why = match (&flight.setup().cleansed, scene.play()) {
-            (Some(_), _) => "there is no tag in the colon",
-            (None, Some(_)) => "a log is played",
-            (None, None) if scene.needs().fluid_as_gas => "the flight was made from a volume as it is",
+            (Some(_), _) => "the colon contains no tagged fluid or stool",
+            (None, Some(_)) => "a log is replayed",
+            (None, None) if scene.needs().fluid_as_gas => "the flight was made from a volume",
             (None, None) if scene.operator && scene.picture => {
-                "the guide does not fly through fluid; the window looks for tag after its first picture, and shows the scan without it"
+                "the guide does not fly through fluid; the window cleanses the scan after its first image"
             }
-            (None, None) => "the guide does not fly through fluid; --cleanse takes it out all the same",
+            (None, None) => "the guide does not fly through fluid; --cleanse cleanses the scan all the same",
         };
         left_out.push(LeftOut { part: "cleansing", why: why.to_owned() });
     }
     if !volume.flags().has_bits() {
-        let why = "the preset lean does without: rays leap from brick to brick".to_owned();
+        let why = "the preset lean does not use it: rays leap from brick to brick".to_owned();
         left_out.push(LeftOut { part: "a flag for each voxel", why });
     }
     let plugins = flight.app().inspect().plugged().to_vec();

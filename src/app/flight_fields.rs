@@ -41,7 +41,7 @@ struct PlannedRoute {
 /// Formats the note that the path to the target is narrower than requested.
 fn narrower(kept_mm: f64, asked_mm: f64) -> String {
     let kept = match kept_mm {
-        0.0 => "it is led through whatever is open".to_owned(),
+        0.0 => "it follows the open lumen".to_owned(),
         mm => format!("it keeps {mm:.1} mm"),
     };
     format!(
@@ -77,7 +77,7 @@ impl Fields {
         self.route.as_ref().map(|p| &p.route)
     }
 
-    /// Returns the build times that nobody has taken yet, s, in the order of building.
+    /// Returns the build times that have not been taken yet, s, in the order of building.
     pub fn times(&self) -> &[(&'static str, f64)] {
         &self.took
     }
@@ -155,7 +155,7 @@ impl Fields {
                     centerline::to_fly(planner, &walls, End::At(ends[0]), End::At(ends[1]), progress)
                 })?;
                 let route = Route::along(&line.points, &line.radius_mm, DVec3::NEG_Y).ok_or_else(|| {
-                    Error::incomplete("path", "start and goal coincide", "give --from and --to that are apart")
+                    Error::incomplete("path", "start and goal coincide", "give --from and --to farther apart")
                 })?;
                 self.route = Some(PlannedRoute { ends, planner, route: Arc::new(route) });
             }

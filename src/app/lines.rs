@@ -48,7 +48,7 @@ pub(super) fn unread(text: &str, e: &toml::de::Error, hint: &str) -> Error {
 
 /// Adds the line to an error about a setting, if the text has it.
 pub(super) fn with_line(text: &str, e: Error) -> Error {
-    // `count` of tentacles is told as `tentacles.count`, one that it does not have as `[tentacles]: unknown field`.
+    // `count` of tentacles is reported as `tentacles.count`, one that it does not have as `[tentacles]: unknown field`.
     let table = e.what.strip_prefix('[').and_then(|t| t.strip_suffix(']'));
     let unknown = e.why.strip_prefix("unknown field `").and_then(|w| w.split('`').next());
     let name = match (table, unknown) {

@@ -122,7 +122,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Creates a plan for gas that is no segment of a colon, from `start` to `goal` (world mm), of a coarse length (mm).
+    /// Creates a plan for gas that is not a segment of a colon, from `start` to `goal` (world mm), of a coarse length (mm).
     pub fn between(start: DVec3, goal: DVec3, length_mm: f64) -> Self {
         let ends = [start, goal].map(|at| PlanEnd::new(at, ARRIVED_MM));
         let (asked, notes) = (FlightRequest::default(), Vec::new());
@@ -224,7 +224,7 @@ pub fn through_segment(
     radius_mm: f64,
 ) -> Result<Plan> {
     let segment = lumen.segments.get(number).ok_or_else(|| {
-        Error::incomplete("segment", format!("there is no segment {number}"), "choose one that there is")
+        Error::incomplete("segment", format!("there is no segment {number}"), "choose another segment")
     })?;
     let request = FlightRequest { reverse: to == SegmentEnd::Rectal, ..FlightRequest::default() };
     let gas = FlownGas { number: Some(number), segment, lumen, own: None };
@@ -252,7 +252,7 @@ fn finish(
 ) -> Result<Plan> {
     let walls = ClearanceFinder::new(volume.shared_voxels(), volume.transfer().iso() as f32, SNAP_MM + radius_mm + 1.0);
     let (mut first, mut last) = ends_of(segment, request);
-    // Gas that is no colon has no direction of its own: the flight goes to the end that is farther from its start.
+    // Gas that is not colon has no direction of its own: the flight goes to the end that is farther from its start.
     let is_free = own.is_some() && request.to.is_none() && !request.reverse;
     if is_free && from.is_some_and(|f| f.distance(last) < f.distance(first)) {
         (first, last) = (last, first);
@@ -272,13 +272,13 @@ fn finish(
                 }
                 (if inside { to } else { p }, ARRIVED_MM)
             } else {
-                missed = Some(format!("--to {} lies in another gas segment{}", triple(to), begins(lumen, s)));
+                missed = Some(format!("--to {} lies in another segment{}", triple(to), begins(lumen, s)));
                 (last, end_reach(volume, last))
             }
         }
         _ => (last, end_reach(volume, last)),
     };
-    let other = |end: &str, next| format!("the {end} lies in another gas segment{}", begins(lumen, Some(next)));
+    let other = |end: &str, next| format!("the {end} lies in another segment{}", begins(lumen, Some(next)));
     match (request.to, number) {
         (Some(Place::Cecum), Some(n)) if lumen.ordered && n + 1 < lumen.segments.len() => {
             missed = Some(other("cecum", n + 1));
@@ -351,7 +351,7 @@ fn end_reach(volume: &PreparedVolume, at: DVec3) -> f64 {
     (0.5 * radius).max(1.0)
 }
 
-/// Returns the initial attitude. Forward points to the goal if that is in sight, otherwise along the longest free direction. Up
+/// Returns the initial attitude. Forward points to the goal if that is in view, otherwise along the longest free direction. Up
 /// is the patient's front, so that fluid is at the bottom of the image for a patient on the back.
 pub fn first_attitude(volume: &PreparedVolume, start: DVec3, goal: DVec3) -> Attitude {
     let to = goal - start;
@@ -372,13 +372,13 @@ pub fn first_attitude(volume: &PreparedVolume, start: DVec3, goal: DVec3) -> Att
     Attitude::new(forward, DVec3::NEG_Y)
 }
 
-/// Creates the error that no colon was found, with what was found instead. Values that are no HU come first: nothing else can be
-/// judged by them.
+/// Creates the error that no colon was found, with what was found instead. Values that are not HU come first: nothing else
+/// can be derived from them.
 pub fn no_colon(volume: &Volume, lumen: &Lumen) -> Error {
     if let Some(odd) = hounsfield::oddity(volume) {
         return Error::incomplete("no colon found to fly through", odd.to_string(), odd.hint());
     }
-    let found = lumen.found().unwrap_or_else(|| "no gas in the body that looks like a colon's".to_owned());
+    let found = lumen.found().unwrap_or_else(|| "no gas inside the patient that looks like a colon's".to_owned());
     let is_chest = lumen.landmarks.as_ref().is_some_and(|l| l.is_chest());
     let hint = if is_chest { " (a scan of the chest?)" } else { " (an unprepared or collapsed colon?)" };
     Error::incomplete("no colon found to fly through", format!("{found}{hint}"), "start in any gas with --from X,Y,Z")
@@ -505,12 +505,12 @@ mod tests {
         assert_eq!(plan(&lumen, None, Some(Rectum)), (0, None));
         assert_eq!(plan(&lumen, None, Some(Cecum)), (2, None));
         let (segment, missed) = plan(&lumen, Some(Rectum), Some(Cecum));
-        let next = "the cecum lies in another gas segment, which reaches from 11.0,8.0,10.0 to 11.0,70.0,10.0";
+        let next = "the cecum lies in another segment, which reaches from 11.0,8.0,10.0 to 11.0,70.0,10.0";
         assert_eq!((segment, missed.as_deref()), (0, Some(next)));
         let (segment, missed) = plan(&lumen, Some(Cecum), Some(Rectum));
-        let next = "the rectum lies in another gas segment, which reaches from 11.0,8.0,10.0 to 11.0,70.0,10.0";
+        let next = "the rectum lies in another segment, which reaches from 11.0,8.0,10.0 to 11.0,70.0,10.0";
         assert_eq!((segment, missed.as_deref()), (2, Some(next)));
-        // Without an order, nobody knows which segment the ends are in.
+        // Without an order, it is unknown which segment the ends are in.
         let (_, lumen) = three(false);
         for (from, to) in [(Some(Rectum), Some(Cecum)), (Some(Cecum), Some(Rectum)), (None, Some(Cecum))] {
             assert_eq!(plan(&lumen, from, to), (1, None), "{from:?} {to:?}");

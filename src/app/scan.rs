@@ -46,10 +46,10 @@ pub struct Scan {
     lumen: Option<Arc<Lumen>>,
     /// Kinds that the reader gave to gas.
     told: Vec<Told>,
-    /// The lumen before the kinds were given to the gas of a scan without tag: it knows the ends.
+    /// The lumen before kinds were given to the gas of a cleansed scan: it knows the ends.
     former: Option<Arc<Lumen>>,
     without_tag: Option<WithoutTag>,
-    /// What was taken out of this scan itself.
+    /// What was cleansed in this scan itself.
     cleansed: Option<Arc<Cleansed>>,
     timings: Timings,
     notes: Vec<String>,
@@ -177,7 +177,7 @@ impl Scan {
     }
 
     /// Gives kinds to the gas at some places (world, mm), instead of those given before. The lumen, and what follows from it, is found
-    /// anew; of a later place in the same gas, the kind counts. Tag that was taken out of the scan stays out.
+    /// anew; of a later place in the same gas, the kind counts. A cleansed scan stays cleansed.
     pub fn tell(&mut self, told: Vec<Told>) {
         if told == self.told {
             return;
@@ -233,7 +233,7 @@ impl Scan {
     }
 
     /// Takes tagged fluid and stool out of this scan, in place if nothing shares its voxels: from now on, this is the scan. A scan
-    /// without tag stays as it is. Returns what was taken; its changes hold the values that the scan had.
+    /// without tagged fluid stays unchanged. Returns what was cleansed; its changes hold the values that the scan had.
     ///
     /// # Errors
     /// Returns status 4 for a volume of one voxel or one slice, or if interrupted; the scan is then unchanged.
@@ -283,7 +283,7 @@ impl Scan {
         Ok(lumen)
     }
 
-    /// Returns the volume and lumen for a flight whose guide flies through tagged fluid: those without tag.
+    /// Returns the volume and lumen for a flight whose guide flies through tagged fluid: the cleansed ones.
     fn without_tag(&mut self) -> Result<Flown> {
         let found = self.lumen()?;
         if self.cleansed.is_some() {
@@ -417,7 +417,7 @@ impl Scan {
     }
 }
 
-/// What is flown: the volume, its lumen, and what was taken out of it.
+/// What is flown: the volume, its lumen, and what was cleansed in it.
 type Flown = (PreparedVolume, Arc<Lumen>, Option<Arc<Cleansed>>);
 
 /// Notes on a flight through what was cleansed.
@@ -428,7 +428,7 @@ fn through_fluid(cleansed: &Cleansed, before: &Lumen, now: &Lumen) -> Vec<String
     let mut notes = vec![format!("the guide flies through tagged fluid, and films and stool are wall: {cleansed}")];
     let [before, now] = [before, now].map(|l| l.segments.len());
     if now < before {
-        notes.push(format!("{before} segments of gas become {now}"));
+        notes.push(format!("{before} segments become {now}"));
     }
     notes
 }
@@ -442,7 +442,7 @@ pub fn check_thick(volume: &Volume) -> Result<()> {
     let dims = volume.grid().dims();
     if dims.iter().any(|&d| d < 2) {
         let why = format!("has {}×{}×{} voxels: a single slice has no lumen", dims[0], dims[1], dims[2]);
-        return Err(Error::incomplete("volume", why, "give the whole scan; info and render take this one"));
+        return Err(Error::incomplete("volume", why, "give the whole scan; info and render accept this one"));
     }
     Ok(())
 }
@@ -486,14 +486,14 @@ mod tests {
         scan.tell(told.clone());
         let now = scan.lumen().unwrap();
         assert!(now.gas_ml() < before.gas_ml() - 1.0 && scan.told() == told);
-        // Also in the scan without tag, and taken back.
+        // Also in the cleansed scan, and taken back.
         scan.cleanse().unwrap();
         assert!(scan.lumen().unwrap().gas_ml() < before.gas_ml() - 1.0);
         scan.tell(Vec::new());
         assert!((scan.lumen().unwrap().gas_ml() - before.gas_ml()).abs() < 1.0);
     }
 
-    /// Where tag is taken out, the line of the lumen is another, but the measure is that of the scan in its file.
+    /// In a cleansed scan the line of the lumen is another, but the measure is that of the scan as scanned.
     #[test]
     #[ignore = "slow: measures along a phantom with and without its tag"]
     fn the_measure_along_the_colon_is_that_of_the_scan_as_it_was() {
@@ -510,7 +510,7 @@ mod tests {
         scan.tell(told.clone());
         let (told_before, _) = along(&mut scan);
         assert_ne!(told_before.length_mm(), before.length_mm());
-        // Nothing asked for it before the tag was taken out.
+        // Nothing asked for it before the scan was cleansed.
         let mut scan = open();
         assert!(!scan.cleanse().unwrap().changes.is_empty());
         let (now, lumen) = along(&mut scan);

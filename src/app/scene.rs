@@ -260,7 +260,7 @@ impl Scene {
         scene.steering = match named[..] {
             [] => Steering::Nobody,
             [guide] => Steering::Guide(guide),
-            _ => return Err(Error::usage("scene", format!("names {} guides", named.len()), "name one guide at most")),
+            _ => return Err(Error::usage("scene", format!("has {} guides", named.len()), "name one guide at most")),
         };
         scene.check()?;
         Ok(scene)
@@ -277,8 +277,8 @@ impl Scene {
         self.watch.map_or(Ok(()), |w| w.check())?;
         let by_mines = self.guides.get::<TentacleSettings>().drive == Drive::Mines;
         if by_mines && self.guide_name() == TentacleSettings::NAME && self.mines.is_none_or(|m| m.kept == 0) {
-            let why = "is \"mines\", and the scene has none: nothing would move the camera";
-            return Err(Error::usage("tentacles.drive", why, "add the plugin mines, and keep some"));
+            let why = "is \"mines\", but the scene has none: nothing would move the camera";
+            return Err(Error::usage("tentacles.drive", why, "add the plugin mines"));
         }
         self.render.check()?;
         self.image.check()?;
@@ -299,7 +299,7 @@ impl Scene {
         })
     }
 
-    /// Returns the guide that steers; `None` if nothing steers or a log is played.
+    /// Returns the guide that steers; `None` if nothing steers or a log is replayed.
     pub fn guide(&self) -> Option<&GuideEntry> {
         match self.steering {
             Steering::Guide(name) => self.guides.named(name),
@@ -339,7 +339,7 @@ impl Scene {
         };
         match catch(|| guide.cruise_mm_s(&self.body)) {
             Ok(mm_s) if mm_s.is_finite() && mm_s >= 0.0 => mm_s,
-            Ok(mm_s) => odd(format!("tells a cruise speed of {mm_s} mm/s")),
+            Ok(mm_s) => odd(format!("returned a cruise speed of {mm_s} mm/s")),
             Err(why) => odd(format!("panicked: {why}")),
         }
     }
@@ -373,19 +373,19 @@ impl Scene {
         if self.log {
             systems::log::plugin(app)?;
         } else {
-            app.leave_out("log", "no --log was asked for");
+            app.leave_out("log", "there is no --log");
         }
         if app.is_filled(Slot::Coverage) {
             // It was added to a flight that was under way.
         } else if self.coverage {
             systems::coverage::plugin(app)?;
         } else {
-            app.leave_out("coverage", "neither the scene nor a window asks what the flight has seen");
+            app.leave_out("coverage", "neither the scene nor a window measures coverage");
         }
         for (part, why) in [
             ("picture", "no window and no recording: no image is rendered"),
             ("presentation", "no window and no recording: nothing is presented"),
-            ("slices", "no panel shows one"),
+            ("slices", "no panel shows slices"),
         ] {
             app.leave_out(part, why);
         }
@@ -471,10 +471,10 @@ impl Scene {
         match self.mines {
             _ if app.camera_get::<Tentacles>().is_none() => {
                 app.leave_out("tentacles", "no guide uses sensory rays");
-                app.leave_out("mines", "no guide that they could push on");
+                app.leave_out("mines", "no guide for them to push");
             }
             Some(mines) => systems::mines::plug(app, mines)?,
-            None => app.leave_out("mines", "the scene names none"),
+            None => app.leave_out("mines", "the scene has none"),
         }
         Ok(())
     }
@@ -483,7 +483,7 @@ impl Scene {
     fn plug_watch(&self, app: &mut App, goal: Goal) -> Result<()> {
         match self.watch.filter(|_| self.guide().is_some()) {
             Some(settings) => systems::watch::plug(app, settings, goal)?,
-            None => app.leave_out("watch", "the scene names none, or no guide that it could watch"),
+            None => app.leave_out("watch", "the scene has none, or no guide to watch"),
         }
         if self.moves() {
             systems::arrival::plugin(app)?;
@@ -497,13 +497,13 @@ impl Scene {
         let feels = app.camera_get::<Tentacles>().is_some();
         if !needs.distances {
             let why = match needs.centerline {
-                true => "the centerline is found by it, then it goes: clearances are exact and local",
+                true => "only the search for the centerline needs it: clearances are exact and local",
                 false => "nothing in the scene needs it: clearances are exact and local",
             };
             app.leave_out("wall distance field", why);
             let why = match (needs.centerline, feels) {
-                (true, _) => "nothing in the scene needs it: the plan takes its place",
-                (_, true) => "nothing in the scene needs it: mines take its place",
+                (true, _) => "nothing in the scene needs it: the plan replaces it",
+                (_, true) => "nothing in the scene needs it: mines replace it",
                 _ => "nothing in the scene needs it",
             };
             app.leave_out("target distance field", why);
@@ -556,7 +556,7 @@ fn overlay_options(tables: toml::Table, catalog: &Catalog) -> Result<BTreeMap<St
     for (name, value) in tables {
         let overlay = catalog.find_overlay(&name)?;
         let toml::Value::Table(table) = value else {
-            return Err(Error::usage(format!("overlay.{name}"), "is no table", format!("write [overlay.{name}]")));
+            return Err(Error::usage(format!("overlay.{name}"), "is not a table", format!("write [overlay.{name}]")));
         };
         let options = Options::new(table);
         ask_plugin(|| format!("overlay {name}"), || (overlay.check)(options))
@@ -589,7 +589,7 @@ mod tests {
         let lean = Preset::named("lean").unwrap();
         let other = Scene { image: ImageSettings { preset: lean, ..s.image }, ..s };
         let refused = other.check().unwrap_err();
-        assert!(refused.to_string().contains("the preset lean keeps nothing for each voxel"), "{refused}");
+        assert!(refused.to_string().contains("the preset lean stores nothing per voxel"), "{refused}");
         assert!(parse("plugins = []\n[render]\npreset = \"lean\"\nleap = \"brick\"\ngradients = \"eight\"").is_ok());
     }
 

@@ -73,7 +73,7 @@ pub struct Study {
 }
 
 impl Study {
-    /// Prepares a scan whose tag is taken out, up to `beyond_mm` beyond its lumen. `iso` is the value of the wall, HU.
+    /// Prepares a cleansed scan, up to `beyond_mm` beyond its lumen. `iso` is the value of the wall, HU.
     ///
     /// # Errors
     /// Returns status 4 if interrupted.
@@ -91,7 +91,7 @@ impl Study {
         Ok(Self { volume, lumen, along, wall })
     }
 
-    /// Returns what a detector finds, the best first.
+    /// Returns what a detector finds, best first.
     ///
     /// # Errors
     /// Returns status 4 if interrupted, or the detector's error.

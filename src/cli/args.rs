@@ -62,7 +62,7 @@ pub struct Global {
     /// Camera model [default: perspective]
     #[arg(long, global = true, value_name = "MODEL")]
     pub camera: Option<String>,
-    /// Take tagged fluid and stool out of the scan, as `colvis cleanse` does
+    /// Remove tagged fluid and stool from the scan, as `colvis cleanse` does
     #[arg(long, global = true)]
     pub cleanse: bool,
     /// Random seed of the phantom
@@ -95,7 +95,7 @@ pub enum Command {
     Phantom(PhantomArgs),
     /// Print an input's size, spacing, orientation and header as JSON
     Info(InfoArgs),
-    /// Print the systems that a flight would run, what it would build, and what it leaves out and why
+    /// Print which systems a flight runs, what it builds, and what it leaves out and why
     Explain(ExplainArgs),
     /// Run tentacles and mines in a two-dimensional drawing
     Plane(PlaneArgs),
@@ -158,13 +158,13 @@ pub struct FlyArgs {
     /// Add the fraction of the wall that was seen, and the patches that were missed, to the stats
     #[arg(long)]
     pub coverage: bool,
-    /// After the flight, fly the shortest tour past what was missed (headless), and add what was seen then to the stats
+    /// After the flight, fly the shortest tour past the missed patches (headless), and add the result to the stats
     #[arg(long)]
     pub review: bool,
-    /// Answers to candidates, as the page of candidates or a window saves them: the review visits those that are unsure, too
+    /// Answers to candidates, saved by the gallery or a window: the review also visits the unsure ones
     #[arg(long, value_name = "A.json", requires = "review")]
     pub answers: Option<PathBuf>,
-    /// Write the wall as a mesh with the number of places from which each face was seen
+    /// Write the wall as a mesh: for each face, the number of places from which it was seen
     #[arg(long, value_name = "F.ply")]
     pub coverage_mesh: Option<PathBuf>,
     /// Record the operator's input
@@ -289,7 +289,7 @@ pub struct CleanseArgs {
     /// Treat the gas at this point (mm LPS) as colon, whatever it looks like
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub from: Option<Triple>,
-    /// Write volumes, pools and what was not taken as JSON
+    /// Write volumes, pools and what remains as JSON
     #[arg(long, value_name = "F.json")]
     pub stats: Option<PathBuf>,
 }
@@ -586,7 +586,7 @@ pub enum ReportSubject {
     Render,
     /// Gradient estimators.
     Gradients,
-    /// Savings from what a scene leaves out.
+    /// Savings from omitted parts of a scene.
     Scenes,
     /// Integrators.
     Dynamics,
@@ -594,11 +594,11 @@ pub enum ReportSubject {
     Fields,
     /// Random steps against the wall.
     Perforation,
-    /// The wall under tag.
+    /// The wall under tagged fluid.
     Cleansing,
     /// The share of the wall that flights see.
     Coverage,
-    /// Detectors of polyps.
+    /// Polyp detectors.
     Candidates,
     /// All of them.
     All,

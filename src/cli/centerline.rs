@@ -22,7 +22,7 @@ use crate::volume::Volume;
 
 /// A point outside the lumen is moved into it within this, mm.
 const SNAP_MM: f64 = 5.0;
-/// Maximum number of narrow places that are told …
+/// Maximum number of narrow places that are listed …
 const MOST_NARROWS: usize = 10;
 
 /// Format of the line's file.
@@ -105,7 +105,7 @@ pub(crate) fn run(args: &CenterlineArgs, global: &Global, progress: &Progress) -
 
 fn through_mask(walls: &WallDistance, args: &CenterlineArgs, progress: &Progress) -> Result<Centerline> {
     if walls.voxels() == 0 {
-        return Err(Error::incomplete("mask", "is empty: no voxel of it is lumen", "give a mask of the colon's lumen"));
+        return Err(Error::incomplete("mask", "is empty: it has no lumen voxel", "give a mask of the colon's lumen"));
     }
     let named = |p: Option<Point>| matches!(p, Some(Point::World(_)));
     let ends =
@@ -121,7 +121,7 @@ fn through_scan(
 ) -> Result<(Centerline, Vec<Part>)> {
     let mut lumen = prepare::lumen(volume, timings, progress)?;
     if let Some(Point::World(p)) = args.from.or(args.to) {
-        // A point chooses the gas it lies in, also where that is none of the colon found.
+        // A point chooses the gas it lies in, also where that is not the colon found.
         if lumen.nearest_gas(p, SNAP_MM).is_none() && !lumen.is_fluid(p) {
             let found = timings.time("lumen_at_s", || lumen::gas_at(volume, p, progress))?;
             lumen = found.ok_or_else(|| {
@@ -142,9 +142,7 @@ fn through_scan(
         if !lumen.ordered {
             if lumen.segments.len() > 1 {
                 let count = lumen.segments.len();
-                say(&format!(
-                    "the order of the {count} segments of gas is not known: the line goes through the largest"
-                ));
+                say(&format!("the order of the {count} segments is not known: the line runs through the largest"));
             }
             ends = joined;
         }
@@ -184,7 +182,7 @@ fn joined(lumen: &Lumen) -> [DVec3; 2] {
         return [DVec3::ZERO; 2];
     }
     if which.len() > 1 {
-        say(&format!("{} segments of gas are joined through tagged fluid", which.len()));
+        say(&format!("{} segments are joined through tagged fluid", which.len()));
     }
     lumen.outermost(which)
 }
@@ -217,13 +215,13 @@ fn plan(
         Point::Cecum => End::Tip(ends[1]),
         Point::World(p) => {
             if !walls.is_inside(walls.voxel(p)) {
-                say(&format!("{:.1},{:.1},{:.1} lies outside the lumen and is moved into it", p.x, p.y, p.z));
+                say(&format!("{:.1},{:.1},{:.1} lies outside the lumen; moved into it", p.x, p.y, p.z));
             }
             End::At(p)
         }
     };
     if args.from.zip(args.to).is_some_and(|(from, to)| same(from, to)) {
-        return Err(Error::incomplete("centerline", "start and goal coincide", "give --from and --to that are apart"));
+        return Err(Error::incomplete("centerline", "start and goal coincide", "give --from and --to farther apart"));
     }
     let method = args.method.unwrap_or_default();
     let line = |from: End, to: End| centerline::by(method, walls, from, to, guesses, progress);

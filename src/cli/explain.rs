@@ -42,7 +42,7 @@ pub(crate) fn run(program: &Program, args: &ExplainArgs, global: &Global, progre
         flight.frame()?;
     }
     if !flight.app().inspect().plugin_times().is_empty() {
-        // What plug-ins take is told by how it was.
+        // The time that plug-ins take is reported as measured.
         flight.fly(TRIAL_S)?;
         flight.frame()?;
     }
@@ -72,7 +72,7 @@ fn print_window(program: &Program, flight: &FlightApp) -> Result<()> {
     let wide = |n: usize| actions.iter().map(|a| a[n].chars().count()).max().unwrap_or(0);
     let (ids, keys) = (wide(0), wide(1));
     let rows: String = actions.iter().map(|[id, key, text]| format!("  {id:ids$}  {key:keys$}  {text}\n")).collect();
-    print(|out| write!(out, "actions of the window (their ids stand in its settings, under [keys]):\n{rows}"))?;
+    print(|out| write!(out, "actions of the window (use their ids in the settings, under [keys]):\n{rows}"))?;
     if let Some(file) = crate::host::window::settings_file() {
         print(|out| writeln!(out, "settings of the window:\n  {}", file.display()))?;
     }

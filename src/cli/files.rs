@@ -79,14 +79,14 @@ impl Files {
         output::check_apart(&paths(&read), &paths(&written))?;
         for file in &written {
             if let Some(folder) = written.iter().find(|f| is_picture_of(f, file)) {
-                let why = format!("is the name of a picture in {}, which is written", folder.display());
-                return Err(Error::usage(file.display().to_string(), why, "give it a name of its own"));
+                let why = format!("is also the name of an image in the output folder {}", folder.display());
+                return Err(Error::usage(file.display().to_string(), why, "give it another name"));
             }
         }
         for file in written.iter().filter(|w| w.is_file()) {
             if let Some(folder) = self.read.iter().find(|r| is_slice(r, file)) {
-                let why = format!("is a slice of {}, which is read", folder.display());
-                return Err(Error::usage(file.display().to_string(), why, "give it a name of its own"));
+                let why = format!("is a slice of the input {}", folder.display());
+                return Err(Error::usage(file.display().to_string(), why, "give it another name"));
             }
         }
         Ok(())

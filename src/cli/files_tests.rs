@@ -145,9 +145,9 @@ fn data_beside_headers_and_slices_of_folders_are_not_overwritten() {
     refused(&["scan.nhdr"], &["scan.mhd"], "scan.raw: is used twice");
     refused(&["other.mhd"], &["voxels.mhd"], "voxels.raw: is used twice");
     refused(&[], &["a.mhd", "a.raw"], "a.raw: is used twice");
-    refused(&["slices"], &["slices/0.png"], "is a slice of");
-    refused(&[], &["made/", "made/0000.png"], "is the name of a picture in");
-    refused(&[], &["made", "made/0007-near.png"], "is the name of a picture in");
+    refused(&["slices"], &["slices/0.png"], "is a slice of the input");
+    refused(&[], &["made/", "made/0000.png"], "is also the name of an image in the output folder");
+    refused(&[], &["made", "made/0007-near.png"], "is also the name of an image in the output folder");
     for (read, written) in [
         (&["scan.nhdr"][..], &["scan.nhdr.json"][..]),
         (&["other.mhd"], &["other.nii"]),

@@ -12,7 +12,7 @@ use crate::output;
 use crate::polyps::{self, Form, Measurement, Wall};
 use crate::progress::Progress;
 
-/// A voxel whose value changed by more than this when the tag was taken out was restored, HU.
+/// A voxel whose value changed by more than this when the scan was cleansed was restored, HU.
 const RESTORED_HU: i32 = 60;
 
 /// A measurement as written. Places are world, mm LPS.

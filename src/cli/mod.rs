@@ -459,7 +459,7 @@ fn gather_threads(threads: Option<usize>) -> Result<()> {
     if let Some((before, _)) = &*gathered {
         return match threads {
             Some(n) if Some(n) != *before => {
-                let why = "another number of threads works in this process already";
+                let why = "this process already uses another number of threads";
                 Err(Error::usage(format!("--threads {n}"), why, "choose it in the first run, or leave it out"))
             }
             _ => Ok(()),
@@ -492,7 +492,7 @@ mod tests {
     use super::*;
     use crate::panics;
 
-    /// Runs `work` with the program's panic hook on this thread. The panics of other tests are none of the program's.
+    /// Runs `work` with the program's panic hook on this thread. The panics of other tests do not belong to the program.
     fn hooked<T>(work: impl FnOnce() -> T) -> T {
         let usual = Arc::new(panic::take_hook());
         let mine = std::thread::current().id();

@@ -74,10 +74,10 @@ pub(crate) fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> R
 fn noise_hu(args: &PhantomArgs) -> Result<f64> {
     let Some(hu) = args.noise else { return Ok(NOISE_HU) };
     if !args.with.contains(&PhantomFeature::Noise) {
-        return Err(Error::usage("--noise", "the part noise is missing", "add noise to --with"));
+        return Err(Error::usage("--noise", "the phantom has no noise", "add noise to --with"));
     }
     if !(0.0..=MOST_NOISE_HU).contains(&hu) {
-        let why = format!("{hu} HU is no level of noise");
+        let why = format!("{hu} HU is not a level of noise");
         return Err(Error::usage("--noise", why, format!("give a number from 0 to {MOST_NOISE_HU}")));
     }
     Ok(hu)

@@ -31,7 +31,7 @@ pub struct PhantomArgs {
     /// Write what each voxel is in: 0 nothing, 1 colon, 2 small bowel, 3 stomach, 4 lung, 5 outside air
     #[arg(long, value_name = "F.nii.gz")]
     pub labels: Option<PathBuf>,
-    /// Also write the same colon without tag and stool
+    /// Also write the same colon without tagging and stool
     #[arg(long, value_name = "F.nii.gz")]
     pub twin: Option<PathBuf>,
 }
@@ -60,19 +60,19 @@ pub enum PhantomFeature {
     Fluid,
     /// Tagged fluid, some of it deep, with thin folds and polyps in it.
     Pools,
-    /// Films of tag on the wall.
+    /// Films of tagged fluid on the wall.
     Films,
     /// Tagged stool with bubbles.
     Stool,
-    /// Tag from 200 to 1200 HU, layered and patchy.
+    /// Tagging from 200 to 1200 HU, layered and patchy.
     Inhomogeneous,
-    /// Tissue beside tag appears brighter.
+    /// Tissue beside tagged fluid appears brighter.
     Pseudo,
     /// Thin strands across the lumen.
     Bridges,
     /// Polyps of every shape and site: sessile, stalked and flat, on the wall, on folds and between them.
     Lesions,
-    /// What is no polyp and misleads detectors: odd folds, the ileocecal valve, a rectal tube, untagged stool.
+    /// Structures that mislead detectors: odd folds, the ileocecal valve, a rectal tube, untagged stool.
     Decoys,
     /// Small bowel with gas, joined to the colon by the ileocecal valve, which is open for odd seeds.
     Ileum,

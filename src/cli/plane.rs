@@ -32,9 +32,9 @@ pub(crate) fn run(args: &PlaneArgs, progress: &Arc<Progress>) -> Result<()> {
     }
     match (&args.out, args.headless) {
         (None, true) => {
-            return Err(Error::usage("--headless", "nothing is to be written", "add --out F.png or F.gif"));
+            return Err(Error::usage("--headless", "there is no output", "add --out F.png or F.gif"));
         }
-        (Some(_), false) => return Err(Error::usage("--out", "a window writes no picture", "add --headless")),
+        (Some(_), false) => return Err(Error::usage("--out", "a window writes no image", "add --headless")),
         _ => {}
     }
     let settings = args.scene.as_deref().map_or_else(|| Ok(PlaneSettings::default()), settings)?;
@@ -108,7 +108,7 @@ fn fly(mut flight: Flight, out: &Path, progress: &Progress) -> Result<()> {
     match flight.state() {
         State::Arrived => output::to_stderr(format_args!("arrived at {at} after {length:.0} mm in {seconds:.1} s")),
         State::Ended => {
-            output::to_stderr(format_args!("the time is over at {at} after {length:.0} mm in {seconds:.1} s"));
+            output::to_stderr(format_args!("time is over at {at} after {length:.0} mm in {seconds:.1} s"));
         }
         State::Flying | State::Operator => {}
     }

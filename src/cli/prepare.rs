@@ -192,7 +192,7 @@ pub(crate) fn lumen_from(
     check_thick(volume)?;
     timings.time("lumen_s", || lumen::gas_at(volume, p, progress))?.ok_or_else(|| {
         let odd = hounsfield::oddity(volume).map_or_else(String::new, |odd| format!(": {odd}"));
-        let why = format!("{:.1},{:.1},{:.1} has no gas inside the body within 5 mm{odd}", p.x, p.y, p.z);
+        let why = format!("{:.1},{:.1},{:.1} has no gas inside the patient within 5 mm{odd}", p.x, p.y, p.z);
         Error::incomplete("--from", why, "give a point in the colon")
     })
 }
@@ -237,7 +237,7 @@ pub(crate) fn scan_or_mask<'a>(
 ) -> Result<(&'a Path, bool)> {
     match (scan, mask) {
         (Some(_), Some(mask)) => {
-            let why = "is given beside an input";
+            let why = "is given together with an input";
             Err(Error::usage(format!("--mask {}", mask.display()), why, "give one of the two"))
         }
         (Some(path), None) => Ok((path, false)),

@@ -38,7 +38,7 @@ struct Pose {
 /// written.
 pub(crate) fn run(program: &Program, args: &RenderArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     if args.no_reuse && args.quality == Some(QualityName::Adaptive) {
-        let why = "with --quality adaptive each picture goes on from the one before";
+        let why = "with --quality adaptive each image builds on the one before";
         return Err(Error::usage("--no-reuse", why, "leave one of them out"));
     }
     let stats: Vec<&Path> = args.stats.iter().map(PathBuf::as_path).collect();
@@ -105,7 +105,7 @@ pub(crate) fn run(program: &Program, args: &RenderArgs, global: &Global, progres
         }
         progress.advance(1)
     };
-    // Interrupted, too, it tells of the frames that there are.
+    // If interrupted, it reports the frames so far.
     let rendered = views.iter().enumerate().try_for_each(|(n, view)| one(n, view));
     drop(bar);
     let reported = args.stats.as_ref().map_or(Ok(()), |path| {

@@ -43,7 +43,7 @@ pub(crate) fn run(program: &Program, args: &ReportArgs, global: &Global, progres
         return Err(Error::file(scan, "does not exist", "check the name"));
     }
     if args.truth.is_some() && args.scan.is_none() {
-        return Err(Error::usage("--truth", "has no scan that it is the truth of", "give --scan, too"));
+        return Err(Error::usage("--truth", "needs the scan that it describes", "add --scan"));
     }
     output::make_folder(&args.out)?;
     let findings = {
@@ -94,7 +94,7 @@ fn one(
             let truth = args.truth.as_deref().map(candidates::read_truth).transpose()?;
             let own = match args.scan.as_deref().zip(truth) {
                 Some((path, (polyps, decoys))) => {
-                    // The tag is taken out of it in any case, and not twice.
+                    // It is cleansed in any case, and not twice.
                     let global = Global { cleanse: false, ..global.clone() };
                     let (title, volume) = scan(path, &global, progress)?;
                     Some(candidates::Own { title, volume, polyps, decoys })

@@ -64,7 +64,7 @@ pub(crate) fn run(args: &SliceArgs, global: &Global, progress: &Progress) -> Res
     if !volume.grid().contains(slice.centre) {
         let p = slice.centre;
         let why = format!("{},{},{} is outside the scan", p.x, p.y, p.z);
-        return Err(Error::incomplete("--at", why, "give a point in it; colvis info tells where it lies"));
+        return Err(Error::incomplete("--at", why, "give a point inside it; colvis info prints its bounds"));
     }
     progress.stage("cutting", size.height as u64);
     let slab = args.slab.unwrap_or_default();

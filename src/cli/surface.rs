@@ -20,7 +20,7 @@ pub(crate) fn run(args: &SurfaceArgs, global: &Global, progress: &Progress) -> R
     let iso = prepare::transfer(global)?.iso();
     let (input, is_mask) = prepare::scan_or_mask("surface", args.input.as_deref(), args.mask.as_deref())?;
     if is_mask && args.from.is_some() {
-        return Err(Error::usage("--from", "a mask holds nothing but lumen", "leave it out, or give a scan"));
+        return Err(Error::usage("--from", "a mask contains only the lumen", "leave it out, or give a scan"));
     }
     files::check_folders(&args.out, args.stats.as_deref())?;
     let mut timings = Timings::default();
@@ -47,7 +47,7 @@ pub(crate) fn run(args: &SurfaceArgs, global: &Global, progress: &Progress) -> R
     };
     drop(volume);
     if mesh.triangles().is_empty() {
-        return Err(Error::incomplete("surface", "there is nothing that it could enclose", "see --wall, or the mask"));
+        return Err(Error::incomplete("surface", "there is no lumen to enclose", "check --wall or the mask"));
     }
     mesh.save(&args.out, progress)?;
     if let Some(path) = &args.stats {

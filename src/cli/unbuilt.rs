@@ -22,7 +22,7 @@ pub(super) fn check_command(line: &[OsString], place: usize) -> Result<(), Error
         Err(Error::usage(
             format!("{} {command}", program_name()),
             why,
-            format!("see {} --help; a scan so named opens as ./{command}", program_name()),
+            format!("see {} --help; open a scan of that name as ./{command}", program_name()),
         ))
     })
 }
@@ -38,7 +38,7 @@ pub(super) fn refusal(e: &clap::Error) -> Option<Error> {
         Some(ContextValue::String(s)) => s.as_str(),
         _ => "",
     };
-    // An option is told with its value's name: `--camera <MODEL>`.
+    // An option is reported with its value's name: `--camera <MODEL>`.
     let argument = text(ContextKind::InvalidArg);
     let option = argument.split([' ', '=']).next().unwrap_or(argument);
     let what = match e.kind() {

@@ -90,7 +90,7 @@ pub struct PhantomSettings {
     pub fluid: bool,
     /// Pools of tagged fluid, some nearly full, with thin folds and polyps under the fluid.
     pub pools: bool,
-    /// Films of tag on the wall.
+    /// Films of tagged fluid on the wall.
     pub films: bool,
     /// Tagged stool that clings to the wall and holds bubbles.
     pub stool: bool,

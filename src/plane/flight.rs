@@ -35,7 +35,7 @@ pub struct PlaneSettings {
     pub tentacles: TentacleSettings,
     /// Mines; `None` for a flight without them.
     pub mines: Option<MineSettings>,
-    /// Detection of stalls. If `None`, the flight looks for no other direction and calls nobody.
+    /// Detection of stalls. If `None`, the flight looks for no other direction and does not call the operator.
     pub watch: Option<MonitorSettings>,
     /// Simulated time after which the flight ends, s.
     pub seconds: f64,

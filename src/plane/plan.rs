@@ -127,7 +127,7 @@ fn roomy(at: DVec3, fits: &impl Fn(DVec3) -> bool, notes: &mut Vec<String>) -> O
     let offsets = nearest_first(SNAP_MM, MM_PER_PIXEL, IVec3::new(1, 1, 0));
     let found = offsets.into_iter().map(|o| at + o).find(|p| fits(*p))?;
     if found != at {
-        notes.push(format!("the start {} has no room for the camera; taken to {}", pair(at), pair(found)));
+        notes.push(format!("the start {} has no room for the camera; moved to {}", pair(at), pair(found)));
     }
     Some(found)
 }

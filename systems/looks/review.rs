@@ -21,7 +21,7 @@ use crate::schedule::{App, FlightSystems, Look, Main};
 
 /// Distance along the way from a stop at which the flight slows down, mm.
 const SLOWS_MM: f64 = 14.0;
-/// Distance along the way from a stop at which the view turns to what was missed, if it is in sight, mm.
+/// Distance along the way from a stop at which the view turns to what was missed, if it is in view, mm.
 const TURNS_MM: f64 = 20.0;
 /// Distance along the way at which a stop is reached, mm.
 const THERE_MM: f64 = 1.0;
@@ -36,7 +36,8 @@ const WAITS_S: f64 = 4.0;
 const BEFORE_MM: f64 = 0.8;
 
 /// The look of a review.
-pub const LOOK: Look = Look { name: "review", summary: "looks along the way, and at stops at what was missed", plug };
+pub const LOOK: Look =
+    Look { name: "review", summary: "looks along the path, and at each stop at the missed patch", plug };
 
 fn plug(app: &mut App) -> Result<()> {
     (way::LOOK.plug)(app)?;
@@ -78,7 +79,7 @@ pub fn look_at_stops(
     review.spent_s += clock.dt() * hand.map_or(1.0, |h| h.speed.min(1.0));
     if review.spent_s > stop.limit_s {
         (flight.state, flight.place) = (State::Operator, pose.position);
-        flight.reason = "the review does not get to its next stop".to_owned();
+        flight.reason = "the review cannot reach its next stop".to_owned();
         return;
     }
     let left_mm = stop.s_mm - planned.s_mm;

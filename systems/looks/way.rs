@@ -1,7 +1,7 @@
-//! Looks at the farthest point of the way that is still in sight.
+//! Looks at the farthest point of the way that is still in view.
 //!
 //! The way is the guide's plan, or the steepest descent of the distance to the target. How far along it the view reaches follows what
-//! is in sight at a bounded speed: the reach `r` grows by at most 90 mm/s where the place at `r` can be seen in a straight
+//! is in view at a bounded speed: the reach `r` grows by at most 90 mm/s where the place at `r` can be seen in a straight
 //! line, and shrinks by at most 180 mm/s where it cannot. It is continuous, and so is the direction from the camera to the
 //! place; the view turns there as a critically damped oscillator ([`Turning`](crate::dynamics::Turning)). In a bend this is the
 //! place before the way disappears behind the inner wall, so the view turns into the bend before the body does.
@@ -29,7 +29,7 @@ const STEP_MM: f64 = 2.0;
 const PLACES: usize = (Gaze::MOST_MM / STEP_MM) as usize + 1;
 
 /// The look.
-pub const LOOK: Look = Look { name: "way", summary: "looks at the farthest point of the way in sight", plug };
+pub const LOOK: Look = Look { name: "way", summary: "looks at the farthest visible point of the path", plug };
 
 fn plug(app: &mut App) -> Result<()> {
     app.equip(Gaze::default());
@@ -40,7 +40,7 @@ fn plug(app: &mut App) -> Result<()> {
 /// The guides that know the way.
 type Ways<'a> = (&'a Pose, Option<&'a Planned>, Option<&'a PotentialField>, &'a mut Gaze, &'a mut GuideThrust);
 
-/// Turns the guide's direction to the farthest place of the way in sight. A guide without a way keeps its own direction.
+/// Turns the guide's direction to the farthest place of the way in view. A guide without a way keeps its own direction.
 pub fn look_along_way(clock: Res<Clock>, walls: Single<&Walls, With<Main>>, camera: Single<Ways, With<Main>>) {
     let (pose, planned, field, mut gaze, mut guide) = camera.into_inner();
     if guide.look_direction == DVec3::ZERO {
@@ -184,7 +184,7 @@ mod tests {
         test.get_mut::<GuideThrust>().look_direction = DVec3::ZERO;
         test.steps(1).unwrap();
         assert_eq!(towards(&test), DVec3::ZERO);
-        // A place that is no number: the view keeps a direction.
+        // An invalid place: the view keeps a direction.
         for lost in [DVec3::NAN, DVec3::splat(1e300)] {
             test.get_mut::<GuideThrust>().look_direction = DVec3::Y;
             test.place(lost);

@@ -121,7 +121,7 @@ fn parts(c: &mut Criterion) {
     frame!("wall distance per brick", &high, &BrickLeap::<false>::new(s, &boxes), &ByValue);
     frame!("wall distance per brick, and flags", &high, &BrickLeap::<true>::new(s, &boxes), &ByValue);
     frame!("wall distance per voxel", &high, &VoxelLeap::<1>::new(&walls), &ByValue);
-    frame!("gradients ahead of time", &with_stored, &Leap::<true>::new(s), &ByValue);
+    frame!("precomputed gradients", &with_stored, &Leap::<true>::new(s), &ByValue);
     frame!("gradients cached", &with_cache, &Leap::<true>::new(s), &ByValue);
     frame!("filtered density, wall distance per voxel", &high, &VoxelLeap::<2>::new(&walls), &ByDensity);
     frame!("filtered density ahead of time, the same", &with_stored, &VoxelLeap::<2>::new(&walls), &ByDensity);

@@ -265,7 +265,7 @@ fn fluid_joins() {
     let scan = scan.to_str().unwrap();
     let out = run(&["fly", scan, "--headless", "--guide", "path", "--stats", stats.to_str().unwrap()], 0);
     let said = String::from_utf8_lossy(&out.stderr);
-    assert!(said.contains("flies through tagged fluid") && said.contains("3 segments of gas become 1"), "{said}");
+    assert!(said.contains("flies through tagged fluid") && said.contains("3 segments become 1"), "{said}");
     let stats: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&stats).unwrap()).unwrap();
     assert_eq!(stats["state"], "arrived");
     assert!(stats["length_mm"].as_f64().unwrap() > 1200.0, "{}", stats["length_mm"]);

@@ -288,9 +288,9 @@ fn a_scene_file_has_the_settings() {
         assert!(by_scene("bends", Some(&format!("{all}{setting}")), 0).0 != usual, "{setting}");
     }
     assert!(by_scene("bends", Some("plugins = [\"tentacles\", \"watch\"]"), 0).0 != usual, "without mines");
-    // Without the trap watch, the neck holds the camera until the time is over, and the operator is not called.
+    // Without the trap watch, the neck holds the camera until time is over, and the operator is not called.
     let (_, told) = by_scene("neck", Some("plugins = [\"tentacles\", \"mines\"]"), 0);
-    assert!(told.contains("the time is over"), "{told}");
+    assert!(told.contains("time is over"), "{told}");
     // Settings that do not apply to a drawing are reported.
     let (same, told) = by_scene("bends", Some(&format!("{all}[potential]\nreach_mm = 5")), 0);
     assert!(same == usual && told.contains("[potential] does not apply to a drawing"), "{told}");

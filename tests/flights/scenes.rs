@@ -140,7 +140,7 @@ fn coverage_is_explained_where_it_is_watched_and_where_it_is_not() {
         let has =
             |list: &str, part: &str| told[list].as_array().unwrap().iter().any(|b| b == part || b["part"] == part);
         assert_eq!(has("step", "coverage::watch_wall"), there, "{told}");
-        assert_eq!(has("built", "wall and what was seen of it"), there);
+        assert_eq!(has("built", "wall, and which of it was seen"), there);
         assert_eq!(has("left_out", "coverage"), !there);
     }
 }
@@ -208,14 +208,14 @@ fn a_flight_runs_what_its_scene_chooses_of_the_papers_ideas() {
         for (part, told, from) in [
             ("wall distance per voxel", &voxel, "[render] leap"),
             ("frame cache", &voxel, "[render] key_frames"),
-            ("gradients ahead of time", &stored, "[render] gradients"),
+            ("precomputed gradients", &stored, "[render] gradients"),
         ] {
             assert!(needed(told, part).unwrap().as_str().unwrap().contains(from), "{preset} {part}");
             let left_out = told["left_out"].as_array().unwrap().iter().any(|l| l["part"] == part);
             assert!(!left_out, "{preset} {part}");
         }
         assert!(
-            needed(&none, "wall distance per voxel").is_none() && needed(&voxel, "gradients ahead of time").is_none()
+            needed(&none, "wall distance per voxel").is_none() && needed(&voxel, "precomputed gradients").is_none()
         );
     }
 }
@@ -227,7 +227,7 @@ fn choices_that_make_no_sense_are_status_2() {
     for (choices, preset, said) in [
         ("leap = \"far\"", "colvis", "unknown variant `far`, expected one of `none`, `flag`, `brick`, `voxel`"),
         ("key_frames = 0", "colvis", "render.key_frames: is 0; give a whole number from 1"),
-        ("leap = \"voxel\"", "lean", "render.leap: the preset lean keeps nothing for each voxel; choose \"brick\""),
+        ("leap = \"voxel\"", "lean", "render.leap: the preset lean stores nothing per voxel; choose \"brick\""),
         ("gradients = \"cached\"", "lean", "render.gradients: the preset lean keeps no gradients; choose"),
         ("key_frames = 9", "lean", "render.key_frames: the preset lean keeps nothing between frames; leave it out"),
     ] {

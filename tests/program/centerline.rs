@@ -219,12 +219,12 @@ fn what_cannot_be_done_says_why() {
     let full = mask(dir.path().join("full.nii.gz"), [9, 9, 9], DVec3::ONE, |_| true).0;
     assert!(
         said(&["centerline", "--mask", full.to_str().unwrap(), "--out", &at("c.json")], 3)
-            .contains("no voxel of it is 0")
+            .contains("it has no voxel of 0")
     );
     let two = mask(dir.path().join("two.nii.gz"), [30, 9, 9], DVec3::ONE, |v| v[0] < 12 || v[0] > 16).0;
     let two = two.to_str().unwrap();
     let apart = ["centerline", "--mask", two, "--out", &at("c.json"), "--from", "-18,14,9", "--to", "7,14,9"];
-    assert!(said(&apart, 4).contains("no way"));
+    assert!(said(&apart, 4).contains("no path"));
     let outside = ["centerline", "--mask", two, "--out", &at("c.json"), "--from", "-18,14,99", "--to", "7,14,9"];
     assert!(said(&outside, 4).contains("not in the lumen"));
     said(&["centerline", "--mask", &at("none.nii.gz"), "--out", &at("c.json")], 3);

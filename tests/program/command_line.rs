@@ -449,14 +449,14 @@ fn explain_tells_of_the_slices_that_a_layout_shows() {
         let all = |list: &str| told[list].as_array().unwrap().clone();
         let scheduled = all("frame").iter().any(|system| system == "slices::make_slices");
         let built = all("built").iter().find(|b| b["part"] == "slices").map(|b| b["bytes"].as_u64().unwrap());
-        let left_out = all("left_out").iter().any(|l| l["part"] == "slices" && l["why"] == "no panel shows one");
+        let left_out = all("left_out").iter().any(|l| l["part"] == "slices" && l["why"] == "no panel shows slices");
         assert_eq!((scheduled, left_out), (slices > 0, slices == 0), "{layout}");
         assert_eq!(built, (slices > 0).then(|| bytes(slices)), "{layout}");
     }
     for args in [&[][..], &["--headless", "--layout", "reading"]] {
         let out = run(&[&["explain"], args].concat(), 0);
         let told = String::from_utf8_lossy(&out.stdout).into_owned();
-        assert!(told.contains("no panel shows one") && !told.contains("make_slices"), "{told}");
+        assert!(told.contains("no panel shows slices") && !told.contains("make_slices"), "{told}");
     }
 }
 

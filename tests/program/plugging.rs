@@ -256,8 +256,8 @@ fn a_scene_file_names_and_sets_everything() {
         ("[default]\nnumber = 1", "[default]"),
         ("[render]\ncamera = \"wide\"", "there is no \"wide\""),
         ("[render]\nshade = \"neon\"", "there is no \"neon\""),
-        ("[render]\nfov_degrees = 190.0", "field of view"),
-        ("[render]\nfov_degrees = nan", "field of view"),
+        ("[render]\nfov_degrees = 190.0", "view angle"),
+        ("[render]\nfov_degrees = nan", "view angle"),
         ("[grew]\nnumber = 1", "there is no \"grew\""),
     ] {
         let e = Scene::parse(&format!("plugins = [\"manual\", \"render\"]\n{bad}"), &catalog()).expect_err(bad);

@@ -495,7 +495,10 @@ fn a_scan_with_tag_in_a_window() {
     screen.key("ctrl+q");
     let status = window.wait();
     let (_, err) = window.output();
-    assert!(status.success() && err.contains("of tag out of the colon") && err.lines().count() == 1, "{status}: {err}");
+    assert!(
+        status.success() && err.contains("of tagged fluid and stool") && err.lines().count() == 1,
+        "{status}: {err}"
+    );
     let stats: serde_json::Value = serde_json::from_slice(&fs::read(folder.join("stats.json")).unwrap()).unwrap();
     assert!(stats["cleansing"]["box_bytes"].as_u64().unwrap() > 0, "{stats}");
 }

@@ -122,7 +122,7 @@ impl FlightApp {
         Ok(before)
     }
 
-    /// Renders the camera's picture anew in the next frame although it has not changed, because what is painted over it has.
+    /// Renders the camera's picture again in the next frame although it has not changed, because what is painted over it has.
     pub fn mark_picture(&mut self) {
         if let Some(mut picture) = self.camera_mut::<Picture>() {
             picture.due = true;
@@ -135,8 +135,8 @@ impl FlightApp {
     pub(super) fn restored(&mut self, outcome: Result<()>) -> Result<()> {
         let Some(former) = self.app.take_lost() else { return outcome };
         let outcome = outcome.and_then(|()| {
-            let why = "the scan or the camera, or a part of them, was taken from it";
-            Err(Error::fault("flight", why, "leave the entities of a flight as they are"))
+            let why = "the scan, the camera or a part of them was removed";
+            Err(Error::fault("flight", why, "do not change the entities of a flight"))
         });
         let Setup { volume, scene, .. } = &self.setup;
         let (scan, picture) = (Scan(volume.clone()), scene.picture.then(|| scene.image.picture()));

@@ -86,7 +86,7 @@ impl FlightApp {
                     .setup
                     .plan
                     .segment
-                    .ok_or_else(|| Error::incomplete("other end", "not known of this gas", "turn round instead"))?;
+                    .ok_or_else(|| Error::incomplete("other end", "not known in this gas", "turn round instead"))?;
                 let other = if self.setup.is_reversed() { SegmentEnd::Cecal } else { SegmentEnd::Rectal };
                 let radius = self.setup.scene.body.radius_mm;
                 let plan = plan::through_segment(&self.setup.volume, &self.setup.lumen, number, other, radius)?;

@@ -80,7 +80,7 @@ pub struct Setup {
     pub scene: Scene,
     /// The fields over the lumen that the guide needs.
     pub fields: Fields,
-    /// What was taken out of the scan for this flight: its changes hold the values that the scan had. `None` if it is flown as it is.
+    /// What was cleansed in the scan for this flight: its changes hold the values that the scan had. `None` if it is flown as scanned.
     pub cleansed: Option<Arc<Cleansed>>,
     /// Kinds that the reader gave to gas. The lumen was found with them.
     pub told: Vec<Told>,

@@ -103,7 +103,7 @@ impl FlightApp {
             toured.push(TourStop { s_mm: length, look_at: stops[n].look_at.map(DVec3::from_array), limit_s });
         }
         let route = Route::along(&line, &clearance, DVec3::NEG_Y).filter(|_| !toured.is_empty()).ok_or_else(|| {
-            Error::incomplete("review", "no way leads from the camera to what was missed", "review by hand")
+            Error::incomplete("review", "no path leads from the camera to a missed patch", "review by hand")
         })?;
         let planned_s = begun.elapsed().as_secs_f64();
         Ok(TourPlan { order, distances, route: Arc::new(route), stops: toured, planned_s, distance_s: 0.0 })

@@ -58,7 +58,7 @@ impl<'a> Survey<'a> {
     /// triangle are counted, which takes longer. `None` if that gas is not known.
     ///
     /// # Errors
-    /// Returns status 2 if the view angle is none, status 4 if interrupted.
+    /// Returns status 2 if the view angle is invalid, status 4 if interrupted.
     pub fn coverage(self, fov_degrees: f64, count: bool) -> Result<Option<Covered>> {
         let camera = perspective(fov_degrees)?;
         let views = self.trail().map_or(&[][..], Trail::views);
@@ -72,7 +72,7 @@ impl<'a> Survey<'a> {
     /// stay.
     ///
     /// # Errors
-    /// Returns status 2 if the view angle is none.
+    /// Returns status 2 if the view angle is invalid.
     pub fn cover_more(self, covered: &mut Covered, fov_degrees: f64, since: usize) -> Result<()> {
         let views = self.trail().map_or(&[][..], Trail::views);
         let (unseen, numbers) = covered.wall.part(|n| covered.sights[n].ahead == 0);
@@ -90,7 +90,7 @@ impl<'a> Survey<'a> {
     /// patch that another stop shows well.
     ///
     /// # Errors
-    /// Returns status 2 if the view angle is none.
+    /// Returns status 2 if the view angle is invalid.
     pub fn review_stops(
         self,
         covered: &Covered,

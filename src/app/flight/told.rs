@@ -1,4 +1,4 @@
-//! A flight whose lumen is found anew because the reader gave kinds to gas.
+//! A flight whose lumen is updated because the reader changed kinds of gas.
 
 use std::sync::Arc;
 
@@ -24,7 +24,7 @@ pub enum Onward {
     Same(Plan),
     /// It has changed: a plan through the segment where the camera is.
     Changed(Plan),
-    /// It is no colon any more: a plan through the largest segment.
+    /// It is no longer colon: a plan through the largest segment.
     Elsewhere(Plan),
     /// There is no segment.
     Nowhere,
@@ -67,8 +67,8 @@ pub fn onward(setup: &Setup, lumen: &Lumen, position: DVec3) -> Result<Onward> {
 }
 
 impl FlightApp {
-    /// Flies in a lumen that was found anew with the kinds in `told`. `fields` may hold what the guide needs there; what they lack is
-    /// built. The camera stays where it is, unless its gas is no colon any more. Without any segment, the flight keeps the lumen that
+    /// Flies in a lumen that was updated with the kinds in `told`. `fields` may hold what the guide needs there; what they lack is
+    /// built. The camera stays where it is, unless its gas is no longer colon. Without any segment, the flight keeps the lumen that
     /// it has.
     ///
     /// # Errors

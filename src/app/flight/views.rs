@@ -105,7 +105,7 @@ impl Views<'_> {
             return Err(Error::usage("view", "has no Picture", "spawn it with Picture::new(width, height)"));
         };
         if !world.entity(entity).contains::<Pose>() && !world.entity(entity).contains::<Follows>() {
-            return Err(Error::usage("view", "has no place to look from", "give it a Pose, or Follows"));
+            return Err(Error::usage("view", "has no viewpoint", "give it a Pose, or Follows"));
         }
         p.preset.supports(&p.settings)?;
         let (width, height) = (p.frame.width(), p.frame.height());
@@ -208,7 +208,7 @@ impl Views<'_> {
         }
         if resized {
             let who = app.inspect().own_systems_that_write::<Picture>().join(" or ");
-            note(if who.is_empty() { "a post-process" } else { &who }, "has resized a picture: it keeps its size");
+            note(if who.is_empty() { "a post-process" } else { &who }, "resized an image: it keeps its size");
         }
         made
     }

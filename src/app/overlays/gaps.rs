@@ -13,7 +13,7 @@ use crate::{FlightApp, Overlay};
 /// The overlay.
 pub const OVERLAY: Overlay = Overlay {
     name: "gaps",
-    summary: "gaps: how the colon goes on where gas ends",
+    summary: "gaps: how the colon continues where gas ends",
     shown: false,
     draw,
     ..Overlay::PLAIN
@@ -58,8 +58,8 @@ fn draw(flight: &FlightApp, canvas: &mut Canvas) {
     if let Some(row) = legend_row(canvas) {
         let guessed: f64 = gaps.iter().filter(|s| s.kind == StretchKind::Collapsed).map(|s| s.length_mm).sum();
         let (text, colour) = match (searching, gaps.len()) {
-            (true, _) => ("looking for how the colon goes on".to_owned(), GREY),
-            (false, 0) => ("no gaps on the way".to_owned(), GREY),
+            (true, _) => ("connecting the segments".to_owned(), GREY),
+            (false, 0) => ("no gaps along the path".to_owned(), GREY),
             (false, n) => (format!("{n} gaps, {guessed:.0} mm of them a guess"), WHITE),
         };
         legend_text(canvas, row, 0.0, text, colour);
@@ -109,7 +109,7 @@ mod tests {
     fn without_a_gap_that_is_said() {
         let flight = flight_in_a_room(Scene::guided_by("tentacles"));
         assert!(flight.connection().unwrap().is_none());
-        assert_eq!(texts(&drawn(&OVERLAY, &flight, [800, 600], 1.0)), ["no gaps on the way"]);
+        assert_eq!(texts(&drawn(&OVERLAY, &flight, [800, 600], 1.0)), ["no gaps along the path"]);
     }
 
     #[test]

@@ -18,7 +18,7 @@ const RADIUS_MM: f64 = 1.2;
 fn draw(flight: &FlightApp, canvas: &mut Canvas) {
     let Some(field) = flight.camera::<MineField>() else {
         if let Some(row) = legend_row(canvas) {
-            legend_text(canvas, row, 0.0, "no mines take part in this flight", GREY);
+            legend_text(canvas, row, 0.0, "this flight has no mines", GREY);
         }
         return;
     };
@@ -54,7 +54,7 @@ fn draw(flight: &FlightApp, canvas: &mut Canvas) {
     }
     if let Some(row) = legend_row(canvas) {
         legend_text(canvas, row, 0.0, "mines", WHITE);
-        for (right, in_sight, text) in [(42.0, true, "in sight"), (106.0, false, "hidden")] {
+        for (right, in_sight, text) in [(42.0, true, "in view"), (106.0, false, "hidden")] {
             marker(canvas, [row[0] + (right + 5.0) * pt, row[1]], 4.5 * pt, in_sight);
             legend_text(canvas, row, right + 16.0, text, WHITE);
         }
@@ -100,7 +100,7 @@ mod tests {
         let marks = drawn(&OVERLAY, &flight, [800, 600], 1.0);
         assert!(texts(&marks).contains(&"4 of 12, 2 push"), "{:?}", texts(&marks));
         let without = flight_in_a_room(Scene { mines: None, ..Scene::guided_by("tentacles") });
-        assert_eq!(texts(&drawn(&OVERLAY, &without, [800, 600], 1.0)), ["no mines take part in this flight"]);
+        assert_eq!(texts(&drawn(&OVERLAY, &without, [800, 600], 1.0)), ["this flight has no mines"]);
     }
 
     /// A mine far behind, seen by a camera that looks back.

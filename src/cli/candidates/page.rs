@@ -191,12 +191,12 @@ impl Page<'_> {
     pub(super) fn write(&self, path: &Path) -> Result<()> {
         let (all, shown) = (self.all.len(), self.cards.len());
         let count = match all - shown {
-            0 => format!("{all} candidates, the best first."),
+            0 => format!("{all} candidates, best first."),
             _ => format!("The list has {all} candidates; this page shows the best {shown}."),
         };
         let mut cards: String = self.cards.iter().map(|c| c.html(self.is_ordered)).collect();
         if cards.is_empty() {
-            cards.push_str("<p>Nothing of the wall looks like a polyp to the detector.</p>\n");
+            cards.push_str("<p>The detector found nothing that looks like a polyp.</p>\n");
         }
         let listed: Vec<_> =
             self.cards.iter().map(|c| json!({"rank": c.entry.rank, "position": c.entry.position})).collect();
@@ -304,8 +304,8 @@ mod tests {
         assert!(
             html.contains("sigmoid, segment 1, 12 mm from the rectum<") && html.matches("src=\"2.png\"").count() == 2
         );
-        assert!(page(3, false).contains("<p>3 candidates, the best first.</p>"));
+        assert!(page(3, false).contains("<p>3 candidates, best first.</p>"));
         assert!(!page(3, false).contains("from the rectum"));
-        assert!(page(0, true).contains("Nothing of the wall"));
+        assert!(page(0, true).contains("The detector found nothing"));
     }
 }

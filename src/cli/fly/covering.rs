@@ -124,7 +124,7 @@ impl Covering {
         wall.insert("missed".to_owned(), json!(missed));
         match (&self.mesh, &covered) {
             (Some(path), Some(c)) => c.wall.save(path, &c.sights)?,
-            (Some(path), None) => say(&format!("{} is not written: no gas was flown through", path.display())),
+            (Some(path), None) => say(&format!("{} was not written: nothing was flown", path.display())),
             (None, _) => {}
         }
         let back = both.map_or(0.0, |c| c.both_ways - c.one_way);
@@ -133,7 +133,7 @@ impl Covering {
             wall.insert("better_direction".to_owned(), json!(better));
             if back >= BACK_TOLD {
                 let percent = 100.0 * back;
-                output::to_stderr(format_args!("flying back alone would show {percent:.1} % of the wall more"));
+                output::to_stderr(format_args!("flying back would show another {percent:.1} % of the wall"));
             }
         }
         let is_over = !self.review || covered.is_none() || flight.flight().state == State::Operator;
@@ -143,13 +143,15 @@ impl Covering {
             let hidden = rounds.visit(flight, &self.unsure);
             if hidden > 0 {
                 let all = self.unsure.len();
-                say(&format!("{hidden} of {all} unsure candidates are not on the wall flown along, or out of sight"));
+                say(&format!(
+                    "{hidden} of {all} unsure candidates are not on the wall that was flown past, or not visible"
+                ));
             }
         }
         Ok(Seen { stats, rounds, is_over })
     }
 
-    /// Returns the parts of the stats, and tells the better direction of the next pass.
+    /// Returns the parts of the stats, and prints the better direction of the next pass.
     pub(super) fn stats(&self, mut seen: Seen) -> Stats {
         let Some(ReviewRounds { covered, tours, .. }) = seen.rounds.filter(|_| self.review) else { return seen.stats };
         let sum = |of: fn(&TourFlown) -> f64| tours.iter().map(of).sum::<f64>();

@@ -13,7 +13,7 @@ use crate::output;
 
 /// Reads a flight's log for replay: one [`LogLine`] per line.
 pub(crate) fn read_log(path: &Path, rate: f64, direction: Direction) -> Result<Playback> {
-    let hint = "give a log that --log wrote";
+    let hint = "give a log written by --log";
     let bad = |e: Error| if e.kind == Kind::Usage { e } else { Error::file(path, e.why, hint) };
     Playback::new(read_lines::<LogLine>(path, hint)?, rate, direction).map_err(bad)
 }
@@ -37,10 +37,10 @@ fn read_lines<T: DeserializeOwned>(path: &Path, hint: &str) -> Result<Vec<T>> {
 
 /// Reads recorded operator input: one [`TimedCommand`] per line.
 pub(crate) fn read_commands(path: &Path) -> Result<Vec<TimedCommand>> {
-    let hint = "give a file that --record-input wrote";
+    let hint = "give a file written by --record-input";
     let commands: Vec<TimedCommand> = read_lines(path, hint)?;
     match commands.windows(2).position(|w| w[0].tick > w[1].tick) {
-        Some(n) => Err(Error::file(path, format!("line {}: goes back in time", n + 2), hint)),
+        Some(n) => Err(Error::file(path, format!("line {}: is earlier than the line before", n + 2), hint)),
         None => Ok(commands),
     }
 }

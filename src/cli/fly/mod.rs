@@ -172,7 +172,7 @@ fn overlays(program: &Program, args: &FlyArgs, scene: &Scene) -> Result<Vec<Over
     for name in &args.overlay {
         program.catalog.find_overlay(name)?;
         if cfg!(not(feature = "window")) {
-            let why = "this build has no window, and nothing that draws text";
+            let why = "this build has no window and cannot draw text";
             return Err(Error::usage("--overlay", why, "build with the feature window"));
         }
     }

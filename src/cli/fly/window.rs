@@ -31,7 +31,7 @@ pub(crate) fn fly(
     display: window::Display,
 ) -> Result<()> {
     if args.record.is_some() {
-        return Err(Error::usage("--record", "a window makes no recording", "add --headless"));
+        return Err(Error::usage("--record", "a window does not record", "add --headless"));
     }
     let scene = scene(program, args, global, Screen::Window)?;
     let overlays = overlays(program, args, &scene)?;
@@ -77,7 +77,7 @@ const WHOLE: &str = "path";
 /// The speed at which it is read, mm/s: slow enough to look at every fold, as readers fly it.
 const READING_MM_S: f64 = 20.0;
 
-/// A flight through a scan: how it is steered, between which places, and whether the tag is taken out first.
+/// A flight through a scan: how it is steered, between which places, and whether the scan is cleansed first.
 #[derive(Clone)]
 struct Way {
     scene: Scene,
@@ -107,7 +107,7 @@ fn all_written(args: &FlyArgs, is_flown: bool) -> Result<()> {
     let asked = [&args.log, &args.stats, &args.coverage_mesh, &args.record_input].into_iter().flatten().next();
     match asked.filter(|_| !is_flown) {
         Some(file) => {
-            let why = "is not the file of a flight: no scan was flown";
+            let why = "was not written: no scan was flown";
             Err(Error::incomplete(file.display().to_string(), why, "open a scan that can be flown"))
         }
         None => Ok(()),
@@ -198,7 +198,7 @@ fn opening(
             let mut scan =
                 prepare::open_unsaid(args.input.as_deref(), &prepare_global, asked.scene.image.preset, progress)?;
             let notes = told_notes(&mut scan);
-            // The case is that of the scan as it is in its file, whether or not its tag is taken out.
+            // The case is that of the scan as scanned, whether or not it is cleansed.
             let session = window::SessionFile::of(scan.volume().voxels());
             if resume != Resume::Never {
                 scan.tell(session.told());
@@ -218,7 +218,7 @@ fn opening(
                 Ok(_) | Err(_) => say("the whole colon cannot be read in one flight"),
             }
             (scan, notes, session) = open()?;
-            notes.push("The whole colon cannot be read in one flight: its segments are flown one by one.".to_owned());
+            notes.push("The whole colon cannot be read in one flight: fly its segments one by one.".to_owned());
         }
         Departure { scan, session, args, way: asked, commands, notes, timings: kept }.depart(progress)
     });
@@ -281,7 +281,7 @@ impl Departure {
             && e.kind == Kind::Incomplete
             && !progress.is_cancelled()
         {
-            say(&format!("the kinds that you gave to gas do not count, because there is no flight with them: {e}"));
+            say(&format!("ignoring your kinds of gas: no flight is possible with them: {e}"));
             self.scan.tell(Vec::new());
             made = self.fly();
         }
@@ -465,7 +465,7 @@ mod tests {
         let setup = whole.flight.setup();
         assert!(setup.scene.guide_name() == WHOLE && setup.cleansed.as_ref().is_some_and(|c| !c.changes.is_empty()));
         assert_eq!(usual.session_file(), whole.session_file());
-        assert!(whole.notes.iter().any(|n| n.starts_with("took ")), "{:?}", whole.notes);
+        assert!(whole.notes.iter().any(|n| n.starts_with("removed ")), "{:?}", whole.notes);
         let mut flight = whole.flight;
         assert!(!flight.setup().is_reversed());
         flight.step().unwrap();
@@ -487,7 +487,7 @@ mod tests {
         assert!(!shown.flight.setup().scene.moves());
         let unflown = shown.unflown.unwrap();
         assert_eq!(unflown.why.kind, Kind::Incomplete);
-        // What nobody looks at fails as it does without a window.
+        // Unattended flights fail as they do without a window.
         let timed = opened(&FlyArgs { seconds: Some(1.0), ..args }).map(drop).unwrap_err();
         assert_eq!(timed.to_string(), unflown.why.to_string());
         // In gas a flight starts there, and elsewhere the slices stay.

@@ -73,7 +73,7 @@ pub enum FlightCommand {
 
 impl Command {
     /// Returns the command with finite numbers that does the same, so that a recording can hold it; `None` if it does nothing, as a
-    /// turn of the view that is no number.
+    /// turn of the view that is not finite.
     #[doc(hidden)]
     pub fn finite(self) -> Option<Self> {
         let held = |all: [f64; 3]| all.map(|x| if x.is_finite() { x } else { 0.0 });
@@ -238,7 +238,7 @@ impl<'de, A: VariantAccess<'de>> EnumAccess<'de> for Named<A> {
 /// # use colvis_flight as colvis;
 /// use colvis::components::input::{TimedCommand, HandCommand};
 ///
-/// // A line of `--record-input`: from step 240 on the hand pushes to the right.
+/// // A line of `--record-input`: from step 240 on the operator pushes to the right.
 /// let act: TimedCommand = serde_json::from_str(r#"{"tick": 240, "command": {"push": [1.0, 0.0, 0.0]}}"#)?;
 /// assert_eq!(act, TimedCommand { tick: 240, command: HandCommand::Push([1.0, 0.0, 0.0]).into() });
 /// # Ok::<(), serde_json::Error>(())

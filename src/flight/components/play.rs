@@ -54,7 +54,7 @@ impl Playback {
         if !(rate.is_finite() && rate > 0.0) {
             return Err(Error::usage("--rate", format!("{rate} is not above 0"), "give a positive number"));
         }
-        let bad = |why: String| Error::input("log", why, "give a log that --log wrote");
+        let bad = |why: String| Error::input("log", why, "give a log written by --log");
         if lines.is_empty() {
             return Err(bad("has no steps".to_owned()));
         }
@@ -64,7 +64,7 @@ impl Playback {
                 return Err(bad(format!("line {}: contains a value that is not a number", n + 1)));
             }
             if n > 0 && l.t <= lines[n - 1].t {
-                return Err(bad(format!("line {}: goes back in time", n + 1)));
+                return Err(bad(format!("line {}: is earlier than the line before", n + 1)));
             }
         }
         Ok(Self { lines: lines.into(), rate, direction, played: 0.0 })

@@ -67,7 +67,7 @@ impl Review {
         (self.held_s, self.spent_s) = (None, 0.0);
     }
 
-    /// Goes on to the next stop. `done` tells whether this one was looked at.
+    /// Goes on to the next stop. `done` is true if this one was seen.
     pub fn leave(&mut self, done: bool) {
         self.next += 1;
         self.reached += usize::from(done);

@@ -73,7 +73,7 @@ pub struct SliceView {
     pub patch: Option<Entity>,
     /// Colours over the bodies of gas.
     pub tint: Option<Arc<Tint>>,
-    /// The state of what a post-process draws over the image: another number draws the image anew. `None` if nothing does.
+    /// The state of what a post-process draws over the image: another number redraws the image. `None` if there is none.
     pub marks: Option<u64>,
     /// Width and height, pixels.
     pub size: [usize; 2],

@@ -311,7 +311,7 @@ mod tests {
         t.set_out(50.0);
         assert_eq!((t.share(), t.length_mm(), t.views().len()), (0.0, 50.0, seen));
         assert!(t.calls().is_empty());
-        // The flight's length starts anew, and so does what is counted.
+        // The flight's length starts again, and so do the counts.
         t.follow((DVec3::Y * 5.0, LOOK), 5.0, None);
         assert!((t.share() - 0.1).abs() < 1e-12);
         assert_eq!(t.share_near(DVec3::ZERO), 0.0, "the first view of this path, not one of the former");

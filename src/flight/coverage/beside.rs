@@ -1,6 +1,6 @@
 //! The wall of a scan that is shown in place of the one that is flown through.
 //!
-//! A flight keeps the walls that it set out with, while its pictures may show the scan without tag. What is seen then is the wall of
+//! A flight keeps the walls that it set out with, while its pictures may show the cleansed scan. What is seen then is the wall of
 //! what is shown: also that which lay under fluid, and not the level of the fluid.
 
 use std::sync::Arc;

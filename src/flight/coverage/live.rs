@@ -3,8 +3,9 @@
 //! The same question as [`Wall::seen`](super::Wall::seen), asked as the views come and of one triangle of each patch (its middle),
 //! which stands for the others: the error is that of a sample of the wall every 2 mm. Of a block of 8 mm three patches are asked first.
 //! If all are hidden, as those of another loop of the colon are, the block is asked again, by other patches, when the camera has moved
-//! by a share of its distance; so is a hidden patch of a block in sight. Near blocks are asked whole. A view takes several steps of the flight, each with a bounded
-//! amount of work, and views wait for their turn; if more than a few do, the oldest are passed over. A patch is in sight of dozens of
+//! by a share of its distance; so is a hidden patch of a block in view. Near blocks are asked whole. A view takes several steps of the
+//! flight, each with a bounded amount of work, and views wait for their turn; if more than a few do, the oldest are skipped. A patch is
+//! in view of dozens of
 //! views, so all of this costs little: `report coverage` has it beside the whole.
 
 use std::sync::Arc;
@@ -30,7 +31,7 @@ const AGAIN: f32 = 0.03;
 const PROBES: usize = 3;
 /// A ray costs as much as this many tests of whether a patch is in the picture.
 const RAY: u32 = 100;
-/// A nearer block is never taken as hidden by its probes: from nearby, a patch is in sight of a few views only, mm.
+/// A nearer block is never taken as hidden by its probes: from nearby, a patch is in view of a few views only, mm.
 const CLOSE_MM: f32 = 25.0;
 /// Views that wait for their turn, at most: some mm of a flight.
 const WAITING: usize = 12;
@@ -42,7 +43,7 @@ const PASSED_MM: f32 = 60.0;
 /// How long what was missed stays painted when it was seen after all, s.
 const FADES_S: f32 = 3.0;
 
-/// A wall and what was seen of it until now.
+/// A wall, and which of it was seen until now.
 #[derive(Component, Clone, Debug)]
 pub struct LiveCoverage {
     wall: Arc<Wall>,
@@ -184,7 +185,7 @@ impl LiveCoverage {
         })
     }
 
-    /// Sets the view angle of the views from now on, degrees. An angle that is none is ignored.
+    /// Sets the view angle of the views from now on, degrees. An invalid angle is ignored.
     pub fn set_fov(&mut self, degrees: f64) {
         if degrees != self.fov_degrees
             && let Ok(camera) = Perspective::new(degrees)

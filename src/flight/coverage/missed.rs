@@ -11,7 +11,7 @@ use crate::fields::{AlongColon, ClearanceFinder, Clearances};
 use crate::render::camera::Perspective;
 use crate::space::PreparedVolume;
 
-/// Minimum area of a patch that is told, mm²: a study of 223 patients counts patches from this area on.
+/// Minimum area of a reported patch, mm²: a study of 223 patients counts patches from this area on.
 pub const LEAST_MM2: f64 = 300.0;
 /// Distances from a patch at which places to look from are tried, mm.
 const AWAY_MM: [f64; 6] = [6.0, 9.0, 13.0, 18.0, 24.0, 32.0];
@@ -79,7 +79,7 @@ pub struct LookFrom {
 }
 
 /// Returns the patches of at least `least_mm2` for whose triangles `is_seen` is false, the largest first. Triangles that share an edge
-/// belong to one patch. `along` tells where along the colon a place in the gas is (world mm), and the camera that flies in
+/// belong to one patch. `along` returns where along the colon a place in the gas is (world mm), and the camera that flies in
 /// `scans` has a radius of `radius_mm`.
 pub fn missed<'a>(
     wall: &Wall,

@@ -5,7 +5,7 @@
 //! the camera, and that line, ended half a voxel before the centroid, crosses no wall ([`Wall::seen`]). Patches of the wall that share
 //! edges and were not seen are [`missed`], and [`tour`] orders them for a review.
 //!
-//! Where tagged fluid was not taken out, its surface is wall: it is what a reader sees. Where a window shows another scan than the one
+//! Where tagged fluid was not cleansed, its surface is wall: it is what a reader sees. Where a window shows another scan than the one
 //! that is flown through, its wall counts ([`LiveCoverage::beside`]).
 
 mod beside;

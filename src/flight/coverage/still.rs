@@ -15,7 +15,7 @@ impl LiveCoverage {
     /// sitting beside the trail.
     ///
     /// An earlier sitting comes before the flight: its ways would otherwise count as flown from where the camera is now, and what is
-    /// around the camera as passed. If the flight has begun without it, what was seen is found anew.
+    /// around the camera as passed. If the flight has begun without it, what was seen is found again.
     pub fn see(&mut self, volume: &PreparedVolume, trail: &[(DVec3, Attitude)], still: &StillViews, seconds: f64) {
         if self.has_flown() && self.looked < still.earlier().len() {
             *self = self.afresh();

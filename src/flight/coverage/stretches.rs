@@ -8,7 +8,7 @@ use crate::fields::lumen::CoarseAlong;
 
 /// How far before a triangle the gas is that it belongs to, mm.
 pub(super) const INTO_GAS_MM: f64 = 0.8;
-/// Places along the colon are told apart by this length, mm.
+/// Resolution of places along the colon, mm.
 pub(super) const STRETCH_MM: f64 = 5.0;
 
 /// Returns the stretch of the colon that each block belongs to, and the first one of each segment.

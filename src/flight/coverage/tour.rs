@@ -15,7 +15,7 @@ const RUN: usize = 3;
 /// Perturbations, at most, and the work that bounds them for many stops: perturbations times the square of the number of stops.
 const KICKS: usize = 50;
 const WORK: usize = 2_000_000;
-/// An improvement by less is none, mm: rounding must not go round in circles.
+/// Smaller improvements do not count, mm: rounding must not cause endless exchanges.
 const LEAST_MM: f64 = 1e-7;
 
 /// An order of stops.
@@ -305,7 +305,7 @@ mod tests {
             assert_eq!(order.left_out, [1, 3]);
             assert!(is_order(&order, count) && order.stops.is_sorted() && order.length_mm == count as f64);
         }
-        // Distances that are none count as no way.
+        // Invalid distances count as infinite.
         let order = shortest(&Distances::new(3, |_, b| if b == 1 { f64::NAN } else { -1.0 }));
         assert!(order.stops.is_empty() && order.left_out == [0, 1]);
     }

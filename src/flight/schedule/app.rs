@@ -145,7 +145,7 @@ struct Filled {
 }
 
 impl Drop for App {
-    /// Drops the world. A panic of what plug-ins have put into it is told with their names, and goes no further.
+    /// Drops the world. A panic of what plug-ins have put into it is reported with their names, and goes no further.
     fn drop(&mut self) {
         let world = std::mem::take(&mut self.world);
         if let Err(why) = panics::catch(|| drop(world)) {

@@ -1,7 +1,7 @@
 //! What systems of other crates take from the scan or from the camera of a flight.
 //!
 //! The components of this crate stay on these two entities while systems run: none of its own systems removes one. So a look at the
-//! archetypes before and after tells whether something is gone, and costs nothing while nothing is.
+//! archetypes before and after shows whether something is gone, and costs nothing while nothing is.
 
 use bevy_ecs::archetype::ArchetypeId;
 use bevy_ecs::prelude::*;

@@ -21,7 +21,7 @@ use crate::space::PreparedVolume;
 use crate::volume::Volume;
 
 /// Why there is only one scan, if there is no tag.
-const NO_TAG: &str = "there is no tag in the colon";
+const NO_TAG: &str = "the colon contains no tagged fluid or stool";
 /// How far beyond the lumen the box reaches, mm: farther than rays see into its wall, and slabs are thick.
 const BEYOND_MM: f64 = 12.0;
 
@@ -318,7 +318,7 @@ mod tests {
         let mut c = flown("tentacles", true);
         let now = Instant::now();
         let took = c.cleansing().took().unwrap();
-        assert!(took.text.contains("of tag out of the colon") && took.changed_bytes > 0 && took.seconds > 0.0);
+        assert!(took.text.contains("of tagged fluid and stool") && took.changed_bytes > 0 && took.seconds > 0.0);
         let whole = &c.flight().setup().volume;
         assert!(took.box_bytes < whole.voxels().bytes() + whole.bytes());
         let before = whole.voxels().data().to_vec();
@@ -395,7 +395,7 @@ mod tests {
     #[test]
     fn a_scan_without_tag_has_nothing_to_switch() {
         let mut c = flown("tentacles", false);
-        assert_eq!(c.cleansing().may_switch(), Err("there is no tag in the colon"));
+        assert_eq!(c.cleansing().may_switch(), Err("the colon contains no tagged fluid or stool"));
         assert!(c.cleansing().took().is_none() && c.cleansing().shown().is_empty());
         perform(&mut c, "tag", Instant::now());
         assert!(c.flight().camera::<Picture>().unwrap().scan.is_none());

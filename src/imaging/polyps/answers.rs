@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 use crate::output;
 
-/// The first field of the file, so that another list is not taken for one.
+/// The first field of the file, so that another list is not mistaken for one.
 const KIND: &str = "answers";
 const HINT: &str = "give the answers that the page of candidates saved";
 
@@ -29,7 +29,7 @@ const HINT: &str = "give the answers that the page of candidates saved";
 pub enum Answer {
     /// It is one.
     Yes,
-    /// It is none.
+    /// It is not a polyp.
     No,
     /// The scan does not tell.
     Unsure,
@@ -71,7 +71,7 @@ impl Answers {
     /// Reads a file of answers.
     ///
     /// # Errors
-    /// Returns status 3 if it cannot be read, is no such file, or has a rank 0, a rank twice or a position that is none.
+    /// Returns status 3 if it cannot be read, is another file, or has a rank 0, a rank twice or an invalid position.
     pub fn read(path: &Path) -> Result<Self> {
         let text = output::read_text(path, HINT)?;
         let file: File =
@@ -83,7 +83,7 @@ impl Answers {
         let mut ranks = BTreeSet::new();
         for Answered { rank, position, .. } in &file.answers {
             if *rank == 0 {
-                return wrong("an answer has the rank 0, and the first is 1".to_owned());
+                return wrong("an answer has rank 0; ranks start at 1".to_owned());
             }
             if !position.is_finite() {
                 return wrong(format!("the position of rank {rank} is not finite"));

@@ -31,7 +31,7 @@ pub(crate) struct Ellipsoid {
 }
 
 impl Ellipsoid {
-    /// Fits points with weights (areas, mm²). Returns `None` for fewer than four, points in a plane and what is no number.
+    /// Fits points with weights (areas, mm²). Returns `None` for fewer than four, points in a plane and values that are not finite.
     pub(crate) fn fit(points: &[(DVec3, f64)]) -> Option<Self> {
         let (centre, radius) = sphere(points)?;
         let mut best = Self { centre, s: DMat3::from_diagonal(DVec3::splat(1.0 / radius)), rms: 0.0 };

@@ -18,7 +18,7 @@ const LEAST_K2: f32 = 0.01;
 const LEAST_MM2: f32 = 2.0;
 /// Each mm between a place and a lesion is as much as this in the score, in logits.
 const PER_MM: f64 = 0.6;
-/// Below this confidence it is told why.
+/// Below this confidence the measures come with reasons.
 const SURE: f64 = 0.7;
 
 /// What a lesion looks like.
@@ -58,8 +58,8 @@ pub struct Measurement {
     pub why: Vec<&'static str>,
 }
 
-/// Measures the lesion at a place (world, mm LPS) of the wall of `volume`. `is_restored` tells whether a place (world, mm) is
-/// where tag was taken out. All places on one lesion give the same measurement.
+/// Measures the lesion at a place (world, mm LPS) of the wall of `volume`. `is_restored` is true for a place (world, mm)
+/// on a wall that cleansing has restored. All places on one lesion give the same measurement.
 ///
 /// # Errors
 /// Returns status 4 if there is no wall within 5 mm, or nothing bulges there.

@@ -33,7 +33,7 @@ pub const TERMS: [Term; 13] = [
     term("air", "no gas inside, as in stool", |l| l.feature("share_air").min(0.3), -1.688),
     term("fat", "no fat inside, as in the ileocecal valve", |l| l.feature("share_fat").min(0.6), -1.680),
     term("tag", "no tag inside, as in stool", |l| l.feature("share_tag").min(0.3), -8.064),
-    term("shape_index", "a cap and no ridge", |l| l.feature("shape_index"), 15.065),
+    term("shape_index", "a cap, not a ridge", |l| l.feature("shape_index"), 15.065),
     term("k2_peak", "a top that is sharply curved both ways", |l| l.feature("k2_peak").max(0.02).ln(), 1.459),
     term("elongation", "as wide as long", |l| l.feature("elongation").min(3.0), -0.593),
     term("fit", "an ellipsoid fits", |l| l.feature("fit_rms_mm").min(0.2), -0.890),

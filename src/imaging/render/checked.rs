@@ -21,7 +21,7 @@ impl Checked {
     fn check(&mut self, view: &View, frame: &mut Frame) {
         let (made, asked) = (frame.size(), ImageSize::new(view.width(), view.height()));
         if made != asked {
-            self.complaint.get_or_insert(format!("made a frame of {made} pixels where {asked} were asked for"));
+            self.complaint.get_or_insert(format!("made a frame of {made} pixels instead of {asked}"));
             frame.resize(asked.width, asked.height);
         }
     }

@@ -115,6 +115,6 @@ pub fn none(choices: &Choices) -> Result<()> {
     if *choices == Choices::default() {
         return Ok(());
     }
-    let why = "this preset has neither leap nor gradients, key_frames or low to choose";
+    let why = "this preset has no setting leap, gradients, key_frames or low";
     Err(Error::usage("[render]", why, "leave them out, or choose the preset colvis or default"))
 }

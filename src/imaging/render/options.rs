@@ -87,7 +87,7 @@ pub fn unread(table: &str, e: &toml::de::Error) -> Error {
     let text = e.to_string();
     match text.trim_end().strip_suffix('`').and_then(|t| t.rsplit_once("\nin `")) {
         Some((_, key)) => Error::usage(format!("{table}.{key}"), e.message().to_owned(), "give another value"),
-        None => Error::usage(format!("[{table}]"), e.message().to_owned(), "name settings that it has"),
+        None => Error::usage(format!("[{table}]"), e.message().to_owned(), "use settings that it has"),
     }
 }
 

@@ -36,7 +36,7 @@ impl PreparedVolume {
         if self.flags.has_bits() { Self::new(volume, self.transfer) } else { Self::lean(volume, self.transfer) }
     }
 
-    /// Changes the voxels: in place if nobody shares them, else in a copy of their own.
+    /// Changes the voxels: in place if they are not shared, else in a copy.
     #[doc(hidden)]
     pub fn change(&mut self, change: impl FnOnce(&mut Volume)) {
         change(Arc::make_mut(&mut self.volume));

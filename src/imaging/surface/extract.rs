@@ -40,7 +40,7 @@ impl Mesh {
 pub(super) fn check_count(numbers: &Numbers) -> Result<()> {
     // There are about two triangles per vertex, five at the most.
     if numbers.total() > u64::from(u32::MAX / 5) {
-        let why = format!("its wall has {} vertices, more than 32 bits count", numbers.total());
+        let why = format!("its wall has {} vertices, more than 32 bits can count", numbers.total());
         return Err(Error::incomplete("surface", why, "resample the scan"));
     }
     Ok(())

@@ -26,7 +26,7 @@ const ESCAPES: u32 = 6;
 /// While it looks for a path past an obstacle: share of the wall's push, and least agreement with the heading.
 const BOLD_PUSH: f64 = 0.1;
 const BOLD_AGREEMENT: f64 = 8.0;
-/// On the way back, ground this far from the trail is new, in units of [`MonitorSettings::visited_mm`]. Flying this
+/// On the flight back, ground this far from the trail is new, in units of [`MonitorSettings::visited_mm`]. Flying this
 /// distance over it ends the return flight, mm.
 const NEW_GROUND: f64 = 1.5;
 const NEW_GROUND_MM: f64 = 20.0;

@@ -33,15 +33,15 @@ impl Trap {
     /// Returns the text for the operator.
     pub fn text(self) -> &'static str {
         match self {
-            Self::BlindEnd => "no way on: a blind end",
+            Self::BlindEnd => "blocked: a blind end",
             Self::LocalMinimum => "confused: the forces balance in a local minimum, though the lumen is open ahead",
-            Self::Narrow => "no way on: the lumen is narrower than the camera",
+            Self::Narrow => "blocked: the lumen is narrower than the camera",
             Self::Bridge => "confused: a bridge across the view",
             Self::Obstacle => "confused: a polyp or fold fills the view",
-            Self::Dithering => "confused: dithering between two ways",
+            Self::Dithering => "confused: dithering between two directions",
             Self::Circling => "confused: circling over its own trail",
-            Self::TurnedBack => "no way on: the guide turned back over its own trail",
-            Self::Stuck => "no way on: the guide hangs in place",
+            Self::TurnedBack => "blocked: the guide turned back over its own trail",
+            Self::Stuck => "blocked: the guide makes no progress",
         }
     }
 }

@@ -5,7 +5,7 @@
 //! of its own.
 //!
 //! A place belongs to the stretch of the line that is nearest *through the lumen*, not through a wall: every cell of the lumen (see
-//! [`centerline`]) takes the point of the line from which the way to it is shortest, and a place takes that of its nearest voxel's
+//! [`centerline`]) takes the point of the line with the shortest path to it, and a place takes that of its nearest voxel's
 //! cell. It is then as far along as the nearest point of the line within [`NEAR_ALONG_MM`] of that one. Beside a thin wall between
 //! two limbs, or in a sharp bend, the nearest point in space may be another.
 
@@ -24,7 +24,7 @@ use crate::volume::Volume;
 
 /// A place farther than this from the lumen is nowhere along it, mm.
 const NEAR_MM: f64 = 12.0;
-/// Distances are told in steps of this, mm.
+/// Distances are reported in steps of this, mm.
 const STEP_MM: f64 = 10.0;
 /// A place's point of the line is at most this far along it from that of its cell, mm.
 const NEAR_ALONG_MM: f64 = 20.0;

@@ -57,7 +57,7 @@ impl Grid {
             return refused(format!("spacing {spacing} mm is out of range"), SPACING_HINT);
         }
         if !origin.is_finite() || origin.abs().max_element() > 1e9 {
-            return refused(format!("origin {origin} mm is not finite"), "give the first voxel's centre in mm, LPS");
+            return refused(format!("origin {origin} mm is out of range"), "give the first voxel's centre in mm, LPS");
         }
         let columns = [direction.x_axis, direction.y_axis, direction.z_axis].map(|c| c.normalize_or_zero());
         let direction = DMat3::from_cols(columns[0], columns[1], columns[2]);

@@ -39,7 +39,7 @@ struct Change {
 /// The state of a reading.
 #[derive(Debug, Default)]
 pub(crate) struct Reading {
-    /// Places of the candidates, world mm, the best first.
+    /// Places of the candidates, world mm, best first.
     places: Vec<DVec3>,
     said: Vec<Said>,
     /// Answers to places that are not in the list. They are stored with the others.

@@ -66,7 +66,7 @@ pub(crate) struct Entry {
 
 /// What a search found.
 pub(crate) struct Found {
-    /// The candidates, the best first.
+    /// The candidates, best first.
     pub(crate) list: Vec<Entry>,
     wall: Wall,
     /// The scan without tag, or the part of it around the colon.

@@ -172,7 +172,7 @@ fn gas_that_was_flown_and_is_no_colon_is_left() {
     assert!(setup.plan.segment.is_some() && setup.lumen.segment_at(place) != setup.plan.segment);
     assert!(c.flight().pose().position.distance(place) > 5.0, "the flight is elsewhere");
     let body = c.kinds().chosen_body().unwrap().1;
-    assert_eq!((body.kind, body.why), (GasKind::Stomach, "the reader said so"));
+    assert_eq!((body.kind, body.why), (GasKind::Stomach, "set by the reader"));
     // What is told twice, or of nothing, changes nothing.
     perform(&mut c, "kind-stomach", now);
     assert!(c.kinds().next().is_none());

@@ -110,7 +110,7 @@ impl CandidatesPanel {
         }
         ui.separator();
         if found.list.is_empty() {
-            ui.label("Nothing of the wall looks like a polyp to the detector.");
+            ui.label("The detector found nothing that looks like a polyp.");
             return;
         }
         let shown = assistant.reading().shown();

@@ -10,7 +10,7 @@ use crate::progress::Progress;
 
 /// The detector.
 pub(super) const DETECTOR: Detector =
-    Detector { name: "curvature", summary: "the area where the wall is curved like a ball of 3 to 20 mm", find };
+    Detector { name: "curvature", summary: "areas of the wall curved like a ball of 3 to 20 mm", find };
 
 /// Least area of a candidate, mm².
 const LEAST_MM2: f32 = 4.0;

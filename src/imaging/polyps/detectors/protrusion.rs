@@ -11,7 +11,7 @@ use crate::progress::Progress;
 
 /// The detector.
 pub(super) const DETECTOR: Detector =
-    Detector { name: "protrusion", summary: "what sinks when the wall flows until nothing bulges", find };
+    Detector { name: "protrusion", summary: "protrusions, found by smoothing the wall until nothing bulges", find };
 
 /// Least protrusion of a place, mm, and of the vertices that may belong to it.
 const LEAST_MM: f32 = 0.3;

@@ -1,4 +1,4 @@
-//! The default: caps of the wall, each judged by its shape, the wall that it stands on, and what is inside.
+//! The default: caps of the wall, each ranked by its shape, the wall that it stands on, and its content.
 
 use rayon::prelude::*;
 
@@ -9,7 +9,7 @@ use crate::progress::Progress;
 
 /// The detector.
 pub(super) const DETECTOR: Detector =
-    Detector { name: "shape", summary: "caps of the wall, judged by shape, height and what is inside", find };
+    Detector { name: "shape", summary: "caps of the wall, ranked by shape, height and content", find };
 
 /// Least curvature of a cap, 1/mm: a flat lesion of 20 mm has less on top.
 const LEAST_K2: f32 = 0.02;

@@ -39,7 +39,7 @@ impl Probes {
 
     /// Returns by how many pixels the picture moves from that view to the view `to`. A quarter of the points move farther.
     ///
-    /// The flow is infinite (a cut) if the points are out of sight, or if the picture has another size or camera.
+    /// The flow is infinite (a cut) if the points are not visible, or if the picture has another size or camera.
     pub(crate) fn flow(&self, to: &View) -> f64 {
         if *to == self.view {
             return 0.0;

@@ -36,7 +36,7 @@ impl Perspective {
     pub fn new(fov_degrees: f64) -> Result<Self> {
         if !(fov_degrees > 0.0 && fov_degrees < 180.0) {
             let why = format!("{fov_degrees}° is not between 0 and 180");
-            return Err(Error::usage("field of view", why, "give degrees, such as 90"));
+            return Err(Error::usage("view angle", why, "give degrees, such as 90"));
         }
         Ok(Self { tangent: (0.5 * fov_degrees.to_radians()).tan() })
     }

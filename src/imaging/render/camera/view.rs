@@ -118,7 +118,7 @@ impl View {
         height: usize,
     ) -> Result<Self> {
         if !position.is_finite() || position.abs().max_element() > FARTHEST_MM {
-            return Err(Error::usage("camera", format!("position {position} mm is not a place"), "give x,y,z in mm"));
+            return Err(Error::usage("camera", format!("position {position} mm is out of range"), "give x,y,z in mm"));
         }
         let unit = |name: &str, v: DVec3| {
             // Scaled first, so that neither denormal nor huge components lose the direction.

@@ -28,7 +28,7 @@ fn takes(choices: &Choices) -> Result<()> {
         Err(Error::usage(format!("render.{what}"), format!("the preset lean {why}"), hint))
     };
     if matches!(choices.leap, Some(Leaping::Flag | Leaping::Voxel)) {
-        return refuse("leap", "keeps nothing for each voxel", format!("choose \"brick\" or \"none\", {instead}"));
+        return refuse("leap", "stores nothing per voxel", format!("choose \"brick\" or \"none\", {instead}"));
     }
     if matches!(choices.gradients, Some(GradientSource::Cached | GradientSource::Stored)) {
         return refuse("gradients", "keeps no gradients", format!("choose \"none\" or \"eight\", {instead}"));

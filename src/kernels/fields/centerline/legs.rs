@@ -46,7 +46,7 @@ struct Near {
     spine: Vec<(u32, [f64; 2])>,
 }
 
-/// How a way leads.
+/// How a path leads.
 #[derive(Clone, Copy, Debug)]
 enum Course {
     /// Within one node.
@@ -110,7 +110,7 @@ impl<'a> Legs<'a> {
         Ok(Self { walls, cells, least_mm, stops, tree, spine, near })
     }
 
-    /// Returns the length of the way between two places, mm, counted from 0; infinite if there is none. It is that over cells, and a
+    /// Returns the length of the path between two places, mm, counted from 0; infinite if there is none. It is that over cells, and a
     /// line is somewhat shorter.
     pub fn mm(&self, a: usize, b: usize) -> f64 {
         self.course(a, b).map_or(f64::INFINITY, |c| c.0)

@@ -73,7 +73,7 @@ pub struct Narrow {
 }
 
 impl Centerline {
-    /// Returns the stretches where the wall is nearer than `least_mm`, in order. Guessed stretches are none.
+    /// Returns the stretches where the wall is nearer than `least_mm`, in order, without guessed stretches.
     pub fn narrows(&self, least_mm: f64) -> Vec<Narrow> {
         let mut found: Vec<Narrow> = Vec::new();
         let (mut along_mm, mut is_narrow) = (0.0, false);
@@ -93,7 +93,7 @@ impl Centerline {
         found
     }
 
-    /// Returns the stretches through which the camera does not fit, in order. What is narrow at the line's ends alone is none: a line may
+    /// Returns the stretches through which the camera does not fit, in order. Narrow stretches at the line's ends do not count: a line may
     /// begin at the wall.
     pub fn impassable(&self) -> Vec<Narrow> {
         let is_inner = |n: &Narrow| n.along_mm > END_MM && n.along_mm < self.length_mm - END_MM;
@@ -146,8 +146,8 @@ impl CenterlineMethod {
     /// Returns a short description for help and `explain`.
     pub fn summary(self) -> &'static str {
         match self {
-            Self::PenalisedPath => "the way over cells that keeps from walls, moved to the axis",
-            Self::PeelOnion => "what is left when the lumen is peeled from the wall inwards",
+            Self::PenalisedPath => "the path over cells that keeps away from walls, moved to the axis",
+            Self::PeelOnion => "the line that remains when the lumen is peeled from the wall inwards",
             Self::Roadmap => "along inscribed balls that overlap",
             Self::Cells => "over cells of the lumen, voxel by voxel",
         }
@@ -217,7 +217,7 @@ fn search(
     if line.impassable().is_empty() {
         return Ok(line);
     }
-    // Where a body passes, if there is such a way.
+    // Through openings wide enough for the body, if there are any.
     let open = Cells::of(walls, BODY_MM, progress)?;
     Ok(Planner { cells: &open, ..planner }.route(from, to)?.unwrap_or(line))
 }
@@ -232,7 +232,7 @@ pub fn far_ends(walls: &WallDistance, progress: &Progress) -> Result<[DVec3; 2]>
     let clearance = |n: u32| cells.nodes[n as usize].clearance;
     let widest = cells.largest_piece().into_iter().reduce(|a, b| if clearance(b) > clearance(a) { b } else { a });
     let Some(start) = widest else {
-        return Err(Error::incomplete("centerline", "there is no lumen in it", "give a scan or a mask that holds one"));
+        return Err(Error::incomplete("centerline", "it contains no lumen", "give a scan or a mask with a lumen"));
     };
     let farthest = |n: u32| {
         let length = cells.ways(n, None, narrow).length;
@@ -411,7 +411,7 @@ impl End {
 fn no_way(from: End, to: End) -> Error {
     let (a, b) = (from.place(), to.place());
     let places = format!("{:.1},{:.1},{:.1} to {:.1},{:.1},{:.1}", a.x, a.y, a.z, b.x, b.y, b.z);
-    let why = format!("no way leads from {places} in the lumen");
+    let why = format!("no path leads from {places} within the lumen");
     Error::incomplete("centerline", why, "choose two points of one connected piece of the lumen")
 }
 

@@ -168,7 +168,7 @@ fn a_scan_without_tag_stays_as_it_is() {
     }
 }
 
-/// No wall is in sight, and no side is down.
+/// No wall is in view, and no side is down.
 #[test]
 fn a_body_that_is_as_bright_as_tag_is_left_with_a_reason() {
     let bright = scan(DIMS, SPACING, 0.0, |p| colon(p, 600.0, AIR, 0.0));

@@ -8,7 +8,7 @@ use crate::fields::lumen::runs::{Run, Sets, touching};
 use crate::progress::Progress;
 use crate::volume::Volume;
 
-/// Brighter than this is no gas, HU.
+/// Values above this are not gas, HU.
 const TISSUE_HU: i16 = -700;
 /// A larger piece is left: it may be tissue after all, mm³.
 const MOST_MM3: f64 = 60.0;

@@ -15,7 +15,7 @@ const STEP: f32 = 0.6;
 /// Boundaries are sought between these, σ: beyond them they do not show.
 const NEAREST: f32 = -5.5;
 const FARTHEST: f32 = 7.5;
-/// Standard deviation of the weights of a fit, σ, and of those that it is judged by.
+/// Standard deviation of the weights of a fit, σ, and of those that assess it.
 const WEIGHTS: f32 = 2.4;
 const NEAR: f32 = 1.2;
 /// Tissue and tag between gas and gas are left if they are thinner than this, σ, and of thicker ones this much stays on the far side.
@@ -55,7 +55,7 @@ pub(super) fn place(n: usize) -> f32 {
 #[derive(Clone, Debug)]
 pub(super) struct Fitter {
     pub phi: Phi,
-    /// Weights of the samples in a fit, and in what it is judged by.
+    /// Weights of the samples in a fit, and in its assessment.
     weights: [f32; SAMPLES],
     near: [f32; SAMPLES],
 }
@@ -244,7 +244,7 @@ mod tests {
         assert_eq!(left.wall, left.gas_end, "{left:?}");
         let within = fitter.fit(&slab(2.0, 3.0), MATERIALS, true);
         assert!((within.wall - 1.0).abs() < 0.4, "{within:?}");
-        // A dry fold is one, with tag in sight or not.
+        // A dry fold is one, with or without tagged fluid nearby.
         let fold = fitter.fit(&slab(0.0, 3.0), MATERIALS, false);
         assert_eq!(fold.wall, fold.gas_end);
     }

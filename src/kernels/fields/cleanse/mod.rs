@@ -1,6 +1,6 @@
 //! Electronic cleansing: the scan with the colon's tagged fluid replaced by gas and the wall beneath restored.
 //!
-//! A voxel holds three materials: tissue, and gas or tag in the lumen. Pools of fluid have a level that is a plane, which tells what gas
+//! A voxel holds three materials: tissue, and gas or tag in the lumen. Pools of fluid have a level that is a plane, which predicts what gas
 //! and tag alone would show; the rest of a voxel is tissue (`pool`). Films and stool are layers on the wall (`residue`, `layer`); what
 //! cannot be told from a thin wall stays. What changes is kept as [`Changes`]: the scan stays as it is, or exchanges its values with
 //! them. Values farther than 5 mm from what was taken stay as they are.
@@ -50,7 +50,7 @@ pub struct Cleansed {
     pub replaced_ml: f64,
     /// Tag that was left.
     pub left: Vec<Left>,
-    /// Standard deviation of the scan's blur, mm; 0 without tag, where nobody asks.
+    /// Standard deviation of the scan's blur, mm; 0 without tagged fluid, where it is not used.
     pub blur_mm: f64,
 }
 
@@ -66,16 +66,16 @@ pub struct Left {
 impl fmt::Display for Cleansed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.changes.is_empty() {
-            return f.write_str("there is no tag in the colon: the scan stays as it is");
+            return f.write_str("the colon contains no tagged fluid or stool: the scan is unchanged");
         }
         let pools = self.pools.len();
-        write!(f, "took {:.1} ml of tag out of the colon, in {pools} ", self.replaced_ml)?;
+        write!(f, "removed {:.1} ml of tagged fluid and stool: {pools} ", self.replaced_ml)?;
         f.write_str(if pools == 1 { "pool" } else { "pools" })?;
         if self.residue_ml > 0.0 {
             write!(f, " and {:.1} ml of films and stool", self.residue_ml)?;
         }
         let left: f64 = self.left.iter().map(|l| l.ml).sum();
-        if left > 0.05 { write!(f, "; left {left:.1} ml") } else { Ok(()) }
+        if left > 0.05 { write!(f, "; {left:.1} ml remain") } else { Ok(()) }
     }
 }
 
@@ -140,7 +140,7 @@ pub fn to_fly(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Cle
     });
     let gas = Changes::from_sorted(all.into_iter().flat_map(|(n, count)| (n..n + count).map(|n| (n, GAS as i16))));
     made.changes = made.changes.over(&gas);
-    // What is told is what the flight sees: all fluid is gone.
+    // The report describes what the flight sees: all fluid is gone.
     made.left.clear();
     made.replaced_ml = lumen.fluid_ml();
     Ok(made)

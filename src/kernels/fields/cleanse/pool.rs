@@ -48,13 +48,13 @@ const TEXTURE: f32 = 80.0;
 /// its brightness left. So it is below this depth, σ; at a level, gas and fluid are the lumen's two sides everywhere.
 const SLAB_MM: f64 = 3.0;
 const DEEP: f32 = 3.5;
-/// Deviation at which a column is none of a level's, mm.
+/// Deviation above which a column does not belong to a level, mm.
 const LEVEL_MM: f64 = 0.7;
 /// Fewer voxels of nothing but tag do not say how bright it is.
 const PURE: f64 = 60.0;
-/// Fluid this far above a level, σ, is none that climbs the wall.
+/// Fluid this far above a level, σ, does not count as fluid that climbs the wall.
 const RAISED: f32 = 2.5;
-/// How much a level holds to the grid's axis: the spread (voxels²) at which half of its slope is taken for true.
+/// How much a level holds to the grid's axis: the spread (voxels²) at which half of its slope is trusted.
 const HOLD: f64 = 4.0;
 
 /// A pool that was taken out.
@@ -527,7 +527,7 @@ impl Shared<'_> {
             }
             open = next;
         }
-        // A voxel that noise brightens is none of another bowel.
+        // A voxel that noise brightens does not belong to another bowel.
         let mut alone = Vec::new();
         within.each(|n| {
             let count = |n: usize, a: usize| {

@@ -1,6 +1,6 @@
 //! Which fluid belongs to which level.
 //!
-//! Fluid that hangs together may have several levels: gas above each part has a pressure of its own, as in a siphon. Each level is
+//! Fluid that hangs together may have several levels: gas above each part has its own pressure, as in a siphon. Each level is
 //! a set of adjacent tops of columns under gas, and fluid belongs to the level from which the way to it is shortest.
 
 use std::collections::VecDeque;

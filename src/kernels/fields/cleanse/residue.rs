@@ -1,7 +1,7 @@
 //! Films and stool: tag that clings to the wall above any level.
 //!
 //! It is what is bright, begins right at the colon's gas without tissue between, and does not go on into bone or other bowel. Around it
-//! each voxel is seen along the normal of the gas, and [`layer`](super::layer) tells where gas ends and tissue begins there.
+//! each voxel is seen along the normal of the gas, and [`layer`](super::layer) finds where gas ends and tissue begins there.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
@@ -21,7 +21,7 @@ use crate::fields::lumen::runs::{Rows, Run};
 use crate::progress::Progress;
 use crate::volume::Volume;
 
-/// Nothing darker is taken for tag, HU: above muscle, organs and most vessels.
+/// Nothing darker counts as tagged, HU: above muscle, organs and most vessels.
 const BRIGHT: i16 = 180;
 /// Tag begins at most this many σ from gas: farther away a wall would be between them.
 const EDGE: f64 = 3.4;
@@ -291,7 +291,7 @@ fn pieces(
         }
     }
     for (count, why) in [
-        (leads_on, "bright, and leads on beyond the wall"),
+        (leads_on, "bright, and continues beyond the wall"),
         (large, "bright, and too large for residue"),
         (faint, FAINT),
     ] {

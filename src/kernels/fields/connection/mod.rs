@@ -6,7 +6,7 @@
 //! Kimmel, *Global minimum for active contour models*, 1997; by the algorithm of Dijkstra, 1959, over blocks of about 2 mm; see
 //! `tissue` for P).
 //!
-//! Where the way leads through neither gas nor fluid, the lumen is taken to be collapsed, and the way is a **guess**. It is told
+//! Where the path leads through neither gas nor fluid, the lumen is assumed to be collapsed, and the path is a **guess**. It is reported
 //! and drawn as one, and nothing is ever flown along it.
 
 mod path;
@@ -23,13 +23,13 @@ use crate::progress::Progress;
 use crate::volume::Volume;
 use tissue::Costs;
 
-/// Distance between the points of a way, mm.
+/// Distance between the points of a path, mm.
 const STEP_MM: f64 = 1.0;
-/// Standard deviation of the bell that smooths a way, in blocks.
+/// Standard deviation of the Gaussian that smooths a path, in blocks.
 const SMOOTH: f64 = 2.0;
 /// A stretch shorter than this counts as part of the one before, mm. The edge of fluid is neither fluid nor gas.
 const SHORT_MM: f64 = 4.0;
-/// Tissue on the way between two segments that fluid joins counts as fluid up to this length, mm: the edge of a fold.
+/// Tissue on the path between two segments that fluid joins counts as fluid up to this length, mm: the edge of a fold.
 const FOLD_MM: f64 = 10.0;
 /// Greatest distance of a requested place from the gas that it is in, mm.
 const SNAP_MM: f64 = 5.0;
@@ -47,7 +47,7 @@ pub enum StretchKind {
     Collapsed,
 }
 
-/// A part of the way between two places of the colon.
+/// A stretch of the path between two places of the colon.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Stretch {
     /// What it leads through.
@@ -91,7 +91,7 @@ struct Facing<'a> {
     at: DVec3,
     /// The way through the segment, world, mm.
     way: &'a [DVec3],
-    /// True if the end is that of the way, false if its beginning.
+    /// True if the end is that of the path, false if its beginning.
     is_last: bool,
 }
 
@@ -101,7 +101,7 @@ impl<'a> Facing<'a> {
         Some(Self { segment, at: s.ends[usize::from(is_last)], way: &s.way, is_last })
     }
 
-    /// True if the nearest point of the way is at most `mm` before its end.
+    /// True if the nearest point of the path is at most `mm` before its end.
     fn is_before(&self, place: DVec3, mm: f64) -> bool {
         let far = |n: usize| self.way[n].distance_squared(place);
         let nearest = (0..self.way.len()).reduce(|a, b| if far(b) < far(a) { b } else { a });
@@ -113,7 +113,7 @@ impl<'a> Facing<'a> {
 }
 
 impl Connection {
-    /// Finds the way from one place of the colon to another: through each segment between them, and through what separates those.
+    /// Finds the path from one place of the colon to another: through each segment between them, and through what separates those.
     ///
     /// `None` if a place is in no segment, or both are in the same one. If the order of the segments is not known, the two are
     /// taken to follow each other.
@@ -272,7 +272,7 @@ fn across(volume: &Volume, lumen: &Lumen, ends: [(usize, bool); 2], progress: &P
 
 /// Returns the cheapest way between the ends of two segments, world, mm; `None` if one is outside the scan or no position.
 fn cheapest(volume: &Volume, lumen: &Lumen, ends: [Facing<'_>; 2], progress: &Progress) -> Result<Option<Vec<DVec3>>> {
-    progress.stage("looking for how the colon goes on", 0);
+    progress.stage("connecting the segments", 0);
     let Some(costs) = Costs::between(volume, lumen, ends, progress)? else { return Ok(None) };
     let [start, goal] = ends.map(|e| costs.nearest(e.at));
     let way = path::cheapest(&costs, start, goal, progress)?;
@@ -286,7 +286,7 @@ fn is_joined(lumen: &Lumen, [a, b]: [usize; 2]) -> bool {
     lumen.segments.get(a).is_some_and(|s| s.joined_to.contains(&b))
 }
 
-/// Divides a way from one segment to another into stretches. What is in the gas of the two at its beginning and end is left out.
+/// Divides a path from one segment to another into stretches. What is in the gas of the two at its beginning and end is left out.
 fn divided(lumen: &Lumen, [from, to]: [usize; 2], points: &[DVec3]) -> Vec<Stretch> {
     let is_in = |n: usize, p: DVec3| lumen.segment_at(p) == Some(n);
     let leaves = points.iter().rposition(|&p| is_in(from, p)).unwrap_or(0);

@@ -17,7 +17,7 @@ const NONE: u32 = u32::MAX;
 /// Returns the blocks of the least-cost way from `start` to `goal` (Dijkstra 1959). A step costs its length times the mean cost
 /// of both blocks.
 ///
-/// Costs are whole numbers, and of equal ones the block with the smaller number comes first, so the way is the same everywhere.
+/// Costs are whole numbers, and of equal ones the block with the smaller number comes first, so the path is the same everywhere.
 pub(super) fn cheapest(costs: &Costs, start: usize, goal: usize, progress: &Progress) -> Result<Vec<usize>> {
     let mut cost = vec![u32::MAX; costs.cost.len()];
     let mut before = vec![NONE; costs.cost.len()];

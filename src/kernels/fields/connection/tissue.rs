@@ -1,8 +1,8 @@
-//! The costs of a way between two pieces of gas, on a coarse grid around them.
+//! The costs of a path between two pieces of gas, on a coarse grid around them.
 //!
 //! What a block of voxels costs for each millimetre follows from what is in it: lumen least, soft tissue more, fat much
 //! more, and gas of other gut, bone and the air outside most. Lumen and tissue cost less in the middle than at the edge, so
-//! that a way keeps to the middle of a pool and of the cord that a collapsed colon is.
+//! that a path keeps to the middle of a pool and of a collapsed colon.
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -18,11 +18,11 @@ use crate::volume::{Grid, Volume};
 const BLOCK_MM: f64 = 2.0;
 /// Maximum number of blocks. At up to 40 bytes each, a search needs at most 80 MB.
 const BLOCKS: f64 = 2e6;
-/// Distance from the ends up to which a way may leave the straight line: this share of the line's length, …
+/// Distance from the ends up to which a path may leave the straight line: this share of the line's length, …
 const ASIDE: f64 = 0.5;
 /// … within these limits, mm.
 const ASIDE_MM: [f64; 2] = [40.0, 80.0];
-/// Length at the end of a segment, mm, in which a way may leave its gas. A way must not turn back through the gas to where
+/// Length at the end of a segment, mm, in which a path may leave its gas. A path must not turn back through the gas to where
 /// another loop is near.
 const TIP_MM: f64 = 15.0;
 /// Share of a block's voxels that make it lumen. Where a lumen closes, its tip is narrower than a block.
@@ -57,7 +57,7 @@ const UNIT: f64 = 16.0;
 enum Block {
     /// Gas of the two segments near their ends, or tagged fluid.
     Lumen,
-    /// Other gas of the colon, and other gas that is none.
+    /// Other gas of the colon, and gas that is not colon.
     Closed,
     /// Anything else, with the mean value, HU, of what is no lumen.
     Tissue(f32),
@@ -123,7 +123,7 @@ struct Count {
     gas: [u32; 2],
     fluid: u32,
     other: u32,
-    /// Number and sum of the values, HU, of the voxels that are none of these.
+    /// Number and sum of the values, HU, of all other voxels.
     rest: u32,
     hu: i64,
 }

@@ -7,7 +7,7 @@ use super::runs::Rows;
 use crate::fields::neighbours::Ways;
 use crate::volume::Grid;
 
-/// Minimum clearance of an end, mm, so that a catheter's tube is not taken for one. Ignored if everything is narrower.
+/// Minimum clearance of an end, mm, so that a catheter's tube does not count as one. Ignored if everything is narrower.
 const END_CLEARANCE_MM: f64 = 3.5;
 /// Maximum distance by which an end moves from the tip into the wider lumen, mm.
 const INWARD_MM: f64 = 25.0;

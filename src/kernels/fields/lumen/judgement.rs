@@ -19,7 +19,7 @@ const WORTH_MM: f64 = 60.0;
 /// … and of each unit of evidence.
 const EVIDENCE_MM: f64 = 60.0;
 /// The length of a body counts, too: in full for one as wide as the second caliber, mm, in an adult; against one near the first, because
-/// a chain must not take the way through it for nothing …
+/// a chain must not lead through it free of cost …
 const NARROW_MM: [f64; 2] = [20.0, 30.0];
 /// … with this share.
 const NARROW: f64 = 0.5;
@@ -119,7 +119,7 @@ fn considered(volume: &Volume, bodies: &Bodies, told: &[Told], landmarks: &Landm
     let mut all: Vec<Considered> = (0..count).map(consider).collect();
     for &(at, kind) in told {
         if let Some((n, _)) = ends::nearest(volume.grid(), &bodies.gas, at, SNAP_MM, |_| true) {
-            all[n as usize].judged = Judged { kind, why: "the reader said so", is_lumen: kind == GasKind::Colon };
+            all[n as usize].judged = Judged { kind, why: "set by the reader", is_lumen: kind == GasKind::Colon };
         }
     }
     all

@@ -141,7 +141,7 @@ impl Others {
         for (at, kind) in told {
             if let Some((n, _)) = map.nearest(*at, SNAP_MM) {
                 let body = &mut map.bodies[n];
-                (body.kind, body.why, body.is_told) = (*kind, "the reader said so", true);
+                (body.kind, body.why, body.is_told) = (*kind, "set by the reader", true);
             }
         }
         Ok(map)
@@ -153,7 +153,7 @@ impl Others {
         let size = |p: &&Other| (p.bounds_mm[1] - p.bounds_mm[0]).element_product();
         let around = |p: &&Other| middle.cmpge(p.bounds_mm[0]).all() && middle.cmple(p.bounds_mm[1]).all();
         let smallest = same().filter(around).min_by(|a, b| size(a).total_cmp(&size(b)));
-        smallest.or(same().next()).map_or("it hangs together with gas of that kind", |p| p.why)
+        smallest.or(same().next()).map_or("it is connected to gas of that kind", |p| p.why)
     }
 }
 
@@ -318,7 +318,7 @@ mod tests {
             let ml = voxels.sum::<u64>() as f64 * grid.voxel_ml();
             assert!((ml - s.ml - s.fluid_ml).abs() < 0.01, "{ml} ml with its fluid");
         }
-        // A kind that is told replaces the one that was judged.
+        // A kind set by the reader replaces the automatic one.
         let (n, at) = map.nearest(lumen.segments[0].ends[0], 5.0).unwrap();
         let told = others.map(&lumen, &[(at, GasKind::Stomach)]).unwrap();
         assert_eq!((told.bodies()[n].kind, told.bodies()[n].is_told), (GasKind::Stomach, true));

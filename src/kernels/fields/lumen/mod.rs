@@ -87,7 +87,7 @@ pub struct Segment {
     pub length_mm: f64,
     /// The coarse way from end to end, world, mm.
     pub way: Vec<DVec3>,
-    /// Why it is taken for colon, or for what may be; `None` if the gas was not judged.
+    /// Why it is, or may be, colon; `None` if the gas was not classified.
     pub judged: Option<Judged>,
 }
 
@@ -98,18 +98,18 @@ pub struct Lumen {
     pub segments: Vec<Segment>,
     /// True if the segments form a reliable chain from rectum to cecum.
     pub ordered: bool,
-    /// What the larger pieces of other gas were taken for, the largest first.
+    /// Kinds of the larger pieces of other gas, the largest first.
     pub others: Vec<Other>,
     /// The bodies that the rules weighed.
     pub considered: Vec<Considered>,
-    /// Landmarks of the patient, if the gas was judged.
+    /// Landmarks of the patient, if the gas was classified.
     pub landmarks: Option<Landmarks>,
     /// How the patient lies, if levels of fluid or the table tell it.
     pub lying: Option<Lying>,
     grid: Grid,
     gas: Rows,
     fluid: Rows,
-    /// Gas that looked like a colon's and was judged to be none, labelled with the number of its kind.
+    /// Gas that looked like a colon's but was classified as other gas, labelled with the number of its kind.
     other: Rows,
     /// Voxels of septa, linear indices, ascending.
     septa: Vec<usize>,
@@ -577,7 +577,7 @@ impl Lumen {
         &self.fluid
     }
 
-    /// Returns the runs of gas that looked like a colon's and was judged to be none, labelled with the number of its kind.
+    /// Returns the runs of gas that looked like a colon's but was classified as other gas, labelled with the number of its kind.
     pub(in crate::fields) fn other(&self) -> &Rows {
         &self.other
     }
@@ -621,7 +621,7 @@ impl Lumen {
         }
     }
 
-    /// Describes the gas in the body for a reader who looks for a colon: what it was taken for, and what may be colon. `None` if
+    /// Describes the gas inside the patient if no colon is found: what it was classified as, and what may be colon. `None` if
     /// there is none.
     pub fn found(&self) -> Option<String> {
         let kinds = [GasKind::Lung, GasKind::Trachea, GasKind::Stomach, GasKind::SmallBowel, GasKind::Unknown];
@@ -637,8 +637,10 @@ impl Lumen {
             largest.map(|s| format!("the largest that may be colon is {:.0} ml and {:.0} mm long", s.ml, s.length_mm));
         match (taken.first(), colon) {
             (None, colon) => colon,
-            (Some(taken), None) => Some(format!("the gas in the body was taken for {taken}")),
-            (Some(taken), Some(colon)) => Some(format!("the gas in the body was taken for {taken}, and {colon}")),
+            (Some(taken), None) => Some(format!("the gas inside the patient was classified as {taken}")),
+            (Some(taken), Some(colon)) => {
+                Some(format!("the gas inside the patient was classified as {taken}, and {colon}"))
+            }
         }
     }
 

@@ -1,8 +1,8 @@
 //! Names of the colon's parts along its way from rectum to cecum.
 //!
 //! The two flexures are the highest places on the left and on the right; around each, the part is called a flexure as long as the
-//! way bends. The descending colon begins where the way turns upwards in the left flank, or rises above the pelvis there if that
-//! comes first, and the rectum ends where the way leaves the hollow of the sacrum. Each junction has an uncertainty: half the
+//! centerline bends. The descending colon begins where it turns upwards in the left flank, or rises above the pelvis there if that
+//! comes first, and the rectum ends where it leaves the hollow of the sacrum. Each junction has an uncertainty: half the
 //! distance between where a strict and a lenient threshold put it, and no less than the coarse map's.
 
 use std::ops::Range;
@@ -11,21 +11,21 @@ use glam::DVec3;
 
 use super::kinds::Landmarks;
 
-/// Distance between the places on the way that are looked at, mm.
+/// Distance between the sampled places on the line, mm.
 const STEP_MM: f64 = 4.0;
-/// Half the length over which the way's direction is taken, mm, in an adult.
+/// Half the length over which the line's direction is measured, mm, in an adult.
 const SMOOTH_MM: f64 = 18.0;
 /// A flexure lies at least this far from the midline, as a share of half the body's width.
 const ASIDE: f64 = 0.2;
 /// How much higher a place 1 mm farther to the side counts, mm.
 const SIDE_WORTH: f64 = 0.3;
-/// Slope of the way, as the vertical share of its direction, at which a flexure begins, and its tolerance.
+/// Slope of the line, as the vertical share of its direction, at which a flexure begins, and its tolerance.
 const FLEXURE_BEGINS: [f64; 2] = [0.2, 0.2];
 /// Slope at which it ends: the colon leaves a flexure steeply.
 const FLEXURE_ENDS: [f64; 2] = [0.92, 0.06];
 /// A flexure reaches at most this far from its highest place, mm, in an adult.
 const FLEXURE_MM: f64 = 85.0;
-/// Slope of the way where the descending colon begins, and its tolerance.
+/// Slope of the line where the descending colon begins, and its tolerance.
 const DESCENDING: [f64; 2] = [0.96, 0.03];
 /// Length of the rectum, mm, in an adult: least, usual and most.
 const RECTUM_MM: [f64; 3] = [120.0, 150.0, 200.0];
@@ -43,25 +43,25 @@ pub const NAMES: [&str; 8] =
 pub struct Part {
     /// Its name, one of [`NAMES`].
     pub name: &'static str,
-    /// Where it begins along the way from the rectal end, mm.
+    /// Where it begins along the line from the rectal end, mm.
     pub from_mm: f64,
     /// Where it ends, mm.
     pub to_mm: f64,
-    /// Uncertainty of where it ends, mm; 0 at the end of the way.
+    /// Uncertainty of where it ends, mm; 0 at the end of the line.
     pub uncertainty_mm: f64,
 }
 
-/// The parts of a colon along a way.
+/// The parts of a colon along a line.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Names {
-    /// The parts, without gaps; empty if the way is not known from rectum to cecum.
+    /// The parts, without gaps; empty if the line is not known from rectum to cecum.
     pub parts: Vec<Part>,
-    /// Places on the way (world, mm), and how far along each is, mm.
+    /// Places on the line (world, mm), and how far along each is, mm.
     way: Vec<(DVec3, f64)>,
 }
 
 impl Names {
-    /// Names the parts along a way from rectum to cecum, world, mm.
+    /// Names the parts along a line from rectum to cecum, world, mm.
     pub fn along(way: &[DVec3], body: &Landmarks) -> Self {
         let way = evenly(way);
         let Some(junctions) = Course { way: &way, body }.junctions() else { return Self::default() };
@@ -82,7 +82,7 @@ impl Names {
         self.parts.iter().find(|p| along <= p.to_mm).or(self.parts.last()).copied()
     }
 
-    /// Returns how far along the way the place on it nearest to a position (world, mm) is.
+    /// Returns how far along the line the place nearest to a position (world, mm) is.
     fn along_of(&self, world: DVec3) -> Option<f64> {
         let square = |w: &&(DVec3, f64)| w.0.distance_squared(world);
         self.way.iter().min_by(|a, b| square(a).total_cmp(&square(b))).map(|w| w.1)
@@ -127,7 +127,7 @@ impl Names {
     }
 }
 
-/// Returns places every few mm along a way, with how far along each is.
+/// Returns places every few mm along a line, with how far along each is.
 fn evenly(way: &[DVec3]) -> Vec<(DVec3, f64)> {
     let mut out: Vec<(DVec3, f64)> = way.first().map(|&p| (p, 0.0)).into_iter().collect();
     let mut along = 0.0;
@@ -154,7 +154,7 @@ struct Course<'a> {
 }
 
 impl Course<'_> {
-    /// Returns the vertical share of the way's direction at place `n`: 1 straight up, −1 straight down.
+    /// Returns the vertical share of the line's direction at place `n`: 1 straight up, −1 straight down.
     fn slope(&self, n: usize) -> f64 {
         let reach = (SMOOTH_MM * self.body.scale() / STEP_MM).ceil() as usize;
         let (a, b) = (n.saturating_sub(reach), (n + reach).min(self.way.len() - 1));
@@ -230,7 +230,7 @@ impl Course<'_> {
                 descending = (self.way[n].1, descending.1.max(0.5 * apart));
             }
         }
-        // The rectum ends where the way turns forward most, within its usual length.
+        // The rectum ends where the line turns forward most, within its usual length.
         let sharpest = RECTUM_MM[1] * scale;
         let sigmoid = (sharpest.min(descending.0), 0.25 * (RECTUM_MM[2] - RECTUM_MM[0]) * scale);
         let cecum = ((length - CECUM_MM[0] * scale).max(ascending.0), CECUM_MM[1] * scale);

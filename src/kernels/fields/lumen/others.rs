@@ -23,9 +23,9 @@ pub struct Other {
     pub why: &'static str,
     /// Minimum and maximum world coordinates of its voxels' centres, mm.
     pub bounds_mm: [DVec3; 2],
-    /// True if it looked like gas of the colon and was judged to be none.
+    /// True if it looked like gas of the colon but was classified as other gas.
     pub is_judged: bool,
-    /// Its measures, if it was judged.
+    /// Its measures, if it was classified.
     pub features: Option<Features>,
 }
 
@@ -52,7 +52,7 @@ impl Other {
 pub struct Others {
     /// Pieces, the largest first.
     pub pieces: Vec<Other>,
-    /// Gas told by position and texture, and gas that was judged, labelled with the number of its kind.
+    /// Gas excluded by position and texture, and gas that was classified, labelled with the number of its kind.
     pub(super) rows: [Rows; 2],
 }
 
@@ -80,11 +80,11 @@ impl Others {
 /// # Errors
 /// Returns an error if cancelled, or if the volume cannot be addressed.
 pub fn not_colon(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Others> {
-    progress.stage("finding what is no colon", volume.grid().dims()[2] as u64);
+    progress.stage("classifying other gas", volume.grid().dims()[2] as u64);
     let frame = Frame::of(volume.grid());
     let (rows, components) = runs::components_below(volume, CORE_HU, progress)?;
     let kinds = choose::look(volume, &rows, components, frame).kinds();
-    // What was judged to be colon or to be none keeps that, also where the reader said so.
+    // Bodies that were classified as colon or not keep that kind, also where the reader set it.
     let mut own: Vec<Option<GasKind>> = kinds.iter().map(|k| k.reported().map(|r| r.0)).collect();
     for (j, k, r) in rows.iter() {
         let at = (i64::from(r.start), j as i64, k as i64);

@@ -1,4 +1,4 @@
-//! Where a place is along the gas, by its coarse map: for watching a flight. What is told to a reader is measured by
+//! Where a place is along the gas, by its coarse map: for watching a flight. Distances that users read come from
 //! [`Along`](crate::fields::Along).
 
 use glam::{DVec3, I64Vec3, USizeVec3};

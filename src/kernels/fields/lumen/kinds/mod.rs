@@ -1,9 +1,9 @@
 //! The kind of each body of gas: colon, small bowel, stomach, lung, airway, air outside.
 //!
-//! What is surely no colon by position and texture alone is told first, of every piece of gas (`choose`). Of the others, the
+//! Gas that is certainly not colon by position and texture alone is excluded first (`choose`). Of the others, the
 //! largest, `features` measures shape, place and connections against the patient's `landmarks`; the table of `rules` weighs them;
 //! and the cheapest chain from rectum to cecum (`order`) tells which of them the colon needs. A body that narrow passages divide is
-//! judged in parts (`necks`).
+//! classified in parts (`necks`).
 
 pub(super) mod features;
 pub(super) mod landmarks;
@@ -83,7 +83,7 @@ pub struct Considered {
     pub features: Features,
     /// Its place in the chain from rectum to cecum.
     pub chain: Chain,
-    /// What it was judged to be.
+    /// Its automatic kind.
     pub judged: Judged,
 }
 

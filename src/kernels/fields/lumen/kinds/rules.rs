@@ -1,4 +1,4 @@
-//! The rules that tell what a body of gas is: one table, each with its reason.
+//! The rules that classify a body of gas: one table, each with its reason.
 //!
 //! Each rule that holds for a body adds its weight to a kind. The kind with the most is the body's, if it leads by a margin; else it
 //! is unknown. Weights are in units of evidence: 1 is a hint, 2 a reason, 4 nearly certain.
@@ -41,7 +41,7 @@ const fn rule(kind: GasKind, weight: f64, why: &'static str, holds: fn(&Features
 pub const RULES: &[Rule] = {
     use GasKind::{Colon, Lung, Outside, SmallBowel, Stomach, Trachea};
     &[
-        rule(Colon, 4.0, "the way from rectum to cecum leads through it", |_, c| c == Chain::Link),
+        rule(Colon, 4.0, "the path from rectum to cecum runs through it", |_, c| c == Chain::Link),
         rule(Colon, 1.5, "it lies behind in the pelvis", |f, _| f.height < 0.25 && f.aside.abs() < 0.3 && f.back > 0.5),
         rule(Colon, 1.5, "it lies low on the right and is as wide as the cecum", |f, _| {
             f.aside < -0.35 && f.height < 0.5 && f.caliber_mm >= 27.0
@@ -72,10 +72,10 @@ pub const RULES: &[Rule] = {
         rule(Trachea, 5.0, "it is a narrow tube in the chest", |f, _| {
             is_airway(f) && f.lung_beside > 0.12 && f.below_lungs_mm.is_some_and(|mm| mm < 0.0)
         }),
-        rule(Lung, 7.0, "it is no tube and lies in the chest", |f, _| {
+        rule(Lung, 7.0, "it is not a tube and lies in the chest", |f, _| {
             is_no_tube(f) && f.lung_beside > 0.12 && f.below_lungs_mm.is_some_and(|mm| mm < 0.0)
         }),
-        rule(Outside, 6.0, "it is no tube but a crevice", |f, _| is_no_tube(f)),
+        rule(Outside, 6.0, "it is a crevice, not a tube", |f, _| is_no_tube(f)),
     ]
 };
 
@@ -119,7 +119,7 @@ pub fn judge(f: &Features, chain: Chain, without: Option<usize>) -> Judged {
         let first = holding.next().map(|r| r.1);
         holding.map(|r| r.1).fold(first, |b, r| if b.is_none_or(|b| r.weight > b.weight) { Some(r) } else { b })
     };
-    let why = strongest(kind).map_or("nothing tells what it is", |r| r.why);
+    let why = strongest(kind).map_or("no rule applies", |r| r.why);
     if sums[best] - second >= MARGIN {
         return Judged { kind, why, is_lumen: kind == GasKind::Colon };
     }

@@ -49,7 +49,7 @@ pub(super) struct Hop {
 }
 
 impl Hop {
-    /// True if the way from one to the other through the core has at least `far` contacts, or there is none.
+    /// True if the path from one to the other through the core has at least `far` contacts, or if there is no path.
     pub(super) fn is_far(self, other: Self, far: u32) -> bool {
         self.piece != other.piece || self.contacts.abs_diff(other.contacts) >= far
     }

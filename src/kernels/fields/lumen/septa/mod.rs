@@ -6,7 +6,7 @@
 //!    finds the voxels of the core that are a ridge of HU between gas on both sides: the second difference along an axis of means
 //!    across it, compared with the scan's own noise. The core is parted there.
 //! 2. **The growth meets.** Every voxel remembers the part of the core that it grew from. Where voxels of two parts touch that are far
-//!    apart in the core, the brighter of the two is a voxel of a septum. A fold does not part the gas, because the way round it is
+//!    apart in the core, the brighter of the two is a voxel of a septum. A fold does not part the gas, because the path round it is
 //!    short, and a narrow place does not, because it is part of the only way.
 //!
 //! Tagged fluid meets gas at its level. Where it touches gas far from its own level, a septum lies between them, too.
@@ -27,7 +27,7 @@ use crate::volume::Volume;
 
 pub(super) use grown::Grown;
 
-/// Two parts of the gas are far apart if the way between them through the core is longer than this, mm, counted along the axes …
+/// Two parts of the gas are far apart if the path between them through the core is longer than this, mm, counted along the axes …
 const FAR_MM: f64 = 40.0;
 /// … or than this in a scan that may hide septa. Beside a sharp bend the way round the septum's edge is short.
 const FAR_IF_HIDDEN_MM: f64 = 24.0;
@@ -55,7 +55,7 @@ impl Hiding {
         Self { noise_hu, is_likely: volume.grid().spacing().max_element() >= THICK_MM || noise_hu >= NOISY_HU }
     }
 
-    /// Returns the length of a way between parts that are far apart, mm.
+    /// Returns the length of a path between parts that are far apart, mm.
     pub(crate) fn far_mm(self) -> f64 {
         if self.is_likely { FAR_IF_HIDDEN_MM } else { FAR_MM }
     }

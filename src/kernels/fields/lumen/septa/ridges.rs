@@ -84,7 +84,7 @@ impl<'a> RidgeFilter<'a> {
         Self { data: volume.data(), dims, stride: [1, nx, nx * ny], is_near, sides, least, floor }
     }
 
-    /// Adds the ridges of a run in row (j, k), those of the full and those of half the height. Voxels beside the scan's faces are none.
+    /// Adds the ridges of a run in row (j, k), those of the full and those of half the height. Voxels at the scan's faces are never ridges.
     fn run(
         &self,
         run: Run,
