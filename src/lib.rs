@@ -56,6 +56,7 @@
 //! | feature | what it adds | without it |
 //! |---|---|---|
 //! | `window` (default) | the interactive window, the modules `panel` and `egui` | every flight is headless, and recordings contain no overlays |
+//! | `wayland` (default) | windows of a Wayland compositor | windows of an X server, which compositors provide as well |
 //! | `report` (default) | measurements on this machine, as pages with plots | `colvis report` names the feature that it needs |
 //! | `dicom` (default) | DICOM series and their codecs | NIfTI, MetaImage, NRRD and PNG slices are still read |
 //!

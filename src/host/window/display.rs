@@ -38,7 +38,8 @@ fn open() -> Option<EventLoop<Wake>> {
     use winit::platform::x11::EventLoopBuilderExtX11;
 
     // winit builds an event loop only once, so it cannot be asked for one display after the other.
-    let instead = wayland::why_not().filter(|_| std::env::var_os("DISPLAY").is_some_and(|v| !v.is_empty()));
+    let is_there = cfg!(feature = "wayland");
+    let instead = wayland::why_not().filter(|_| is_there && std::env::var_os("DISPLAY").is_some_and(|v| !v.is_empty()));
     let mut builder = EventLoop::with_user_event();
     if instead.is_some() {
         builder.with_x11();
