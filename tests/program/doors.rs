@@ -32,7 +32,6 @@ const ELSEWHERE: &[(&str, &str, &str)] = &[
     ("src/app/scene.rs", "Some(_) => guide.plug(app)?", "only for guides of this crate"),
     ("src/imaging/render/factory.rs", "(preset.make)(volume, settings, reuse)", "whoever calls `renderer` has one"),
     ("src/cli/own.rs", "(self.augment)(", "derived by clap, before there is anything to name"),
-    ("src/host/window/own_action.rs", "return (self.possible)(c).err()", "only for actions of this crate"),
     ("src/host/window/panels/candidates.rs", "(view.find)(", "a closure of this crate"),
     ("src/host/window/workspace.rs", "shown.panel.ui(", "inside a `catch` of several lines"),
     ("src/cli/candidates/gallery.rs", "renderer.render(", "always the default preset"),
