@@ -16,18 +16,21 @@ pub fn cdf(x: f64) -> f64 {
     0.5 + sum * (-0.5 * square).exp() / (2.0 * std::f64::consts::PI).sqrt()
 }
 
-/// Returns Φ⁻¹(p), by bisection, from −6 to 6.
+/// Returns Φ⁻¹(p), from −6 to 6, by Newton's method, which halves the interval that holds the root where a step would leave it. Order 2;
+/// it stops at steps below 10⁻¹⁴.
 pub fn quantile(p: f64) -> f64 {
-    let (mut low, mut high) = (-6.0, 6.0);
-    for _ in 0..50 {
-        let middle = 0.5 * (low + high);
-        if cdf(middle) < p {
-            low = middle;
-        } else {
-            high = middle;
+    let (mut low, mut high, mut x) = (-6.0, 6.0, 0.0);
+    for _ in 0..60 {
+        let error = cdf(x) - p;
+        *(if error < 0.0 { &mut low } else { &mut high }) = x;
+        let newton = x - error * (0.5 * x * x).exp() * (2.0 * std::f64::consts::PI).sqrt();
+        let next: f64 = if low < newton && newton < high { newton } else { 0.5 * (low + high) };
+        if (next - x).abs() < 1e-14 {
+            return next;
         }
+        x = next;
     }
-    0.5 * (low + high)
+    x
 }
 
 /// Returns Φ₂(x, y; ρ), the probability that two normal variables of correlation `rho` are below `x` and `y`.
@@ -69,6 +72,19 @@ mod tests {
     use std::f64::consts::TAU;
 
     use super::*;
+
+    #[test]
+    fn the_quantile_undoes_the_distribution() {
+        for n in -480..=480 {
+            let x = f64::from(n) * 0.01;
+            // The distribution is exact to 10⁻¹⁵, which is more in x where it is flat.
+            let exact = 1e-14 + 4e-16 * (0.5 * x * x).exp() * TAU.sqrt();
+            assert!((quantile(cdf(x)) - x).abs() < 10.0 * exact, "{x}: {}", quantile(cdf(x)));
+        }
+        for (p, x) in [(0.0, -6.0), (1.0, 6.0), (-3.0, -6.0), (f64::INFINITY, 6.0), (f64::NAN, -6.0)] {
+            assert!((quantile(p) - x).abs() < 1e-6, "{p}: {}", quantile(p));
+        }
+    }
 
     #[test]
     fn the_normal_distribution_matches_its_table() {
