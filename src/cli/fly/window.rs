@@ -272,7 +272,7 @@ struct Departure {
 
 impl Departure {
     /// Prepares the flight that is asked for. If there is none, a reader may look at the scan's slices, and start elsewhere.
-    /// Returns the error of the flight if it repeats another, or if its length was given: nobody looks at those.
+    /// Returns the error of the flight if it repeats another, or if its length was given: those run unattended.
     fn depart(mut self, progress: &Arc<Progress>) -> Result<window::Ready> {
         let told = self.scan.told().to_vec();
         let mut made = self.fly();

@@ -30,7 +30,7 @@ const FIRST_NS: f64 = 2.2;
 pub struct Budget {
     /// A picture is as fine as this allows.
     pub samples: u64,
-    /// A picture is no coarser than three quarters of its side while this allows that size. No hiccup changes this number.
+    /// A picture is at least three quarters of its side while this allows that size. No hiccup changes this number.
     pub lasting: u64,
     /// A picture is no coarser than half its side while that size costs no more than this.
     pub at_half: u64,

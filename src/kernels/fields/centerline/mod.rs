@@ -43,7 +43,7 @@ const EVEN: usize = 4;
 const INWARD: f64 = 0.3;
 /// Maximum distance of the lumen's tip from the known end, mm.
 const TIP_MM: f64 = 40.0;
-/// Minimum clearance of a tip, mm, so that a catheter's tube is not taken for one. It is lower if the known end is narrower.
+/// Minimum clearance of a tip, mm, so that a catheter's tube does not count as one. It is lower if the known end is narrower.
 const TIP_CLEARANCE_MM: f64 = 3.5;
 /// Maximum distance of the last ball from the tip, mm.
 const INWARD_MM: f64 = 45.0;

@@ -114,7 +114,7 @@ pub(super) struct Residue {
     pub left: Vec<Left>,
 }
 
-/// Takes out films and stool. Voxels of `taken` belong to pools, whose tag is as bright as `usual`, HU; infinite if there are none.
+/// Removes films and stool. Voxels of `taken` belong to pools, whose tag is as bright as `usual`, HU; infinite if there are none.
 pub(super) fn cleanse(
     volume: &Volume,
     lumen: &Lumen,

@@ -25,8 +25,8 @@ pub(crate) enum Folder {
     Png(Vec<PathBuf>),
 }
 
-/// Opens a folder and recognises its contents. Also returns notes on what is passed over. Fails with status 3 if the folder is
-/// empty, unreadable or contains neither kind, or if a file among PNG slices is none.
+/// Opens a folder and recognises its contents. Also returns notes on what is skipped. Fails with status 3 if the folder is
+/// empty, unreadable or contains neither kind, or if a file among PNG slices is not a PNG.
 pub(crate) fn open(path: &Path, progress: &Progress) -> Result<(Folder, Vec<String>)> {
     progress.stage("reading the folder", 0);
     let (mut files, mut passed) = (Vec::new(), Passed::default());

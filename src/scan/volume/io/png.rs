@@ -25,7 +25,7 @@ pub(crate) fn recognises(head: &[u8]) -> bool {
 /// Files of a folder that are no PNG, with their first bytes, or why these cannot be read.
 pub(crate) type Rest<'a> = Vec<(&'a PathBuf, Result<Vec<u8>>)>;
 
-/// Checks that no slice is missing among the `files` of a folder, and returns notes on what else is passed over. A slice that is
+/// Checks that no slice is missing among the `files` of a folder, and returns notes on what else is skipped. A slice that is
 /// missing would move all above it. Fails with status 3 and the name of a slice that is damaged or missing.
 pub(crate) fn check_folder(folder: &Path, files: &[PathBuf], rest: Rest, mut passed: Passed) -> Result<Vec<String>> {
     let patterns: BTreeSet<String> = files.iter().map(|f| passed::pattern(f)).collect();

@@ -15,7 +15,7 @@ const AT_ONCE: usize = 32;
 /// Number of pixels that are decoded at once, unless one slice has more.
 const MOST_PIXELS: usize = 1 << 24;
 
-/// Returns the sorted `slices` without those that have the position and the values (HU) of one before. A note tells their number.
+/// Returns the sorted `slices` without those that have the position and the values (HU) of one before. A note gives their number.
 /// Fails with status 3 if slices at one position have different values, or if one cannot be decoded; status 4 if cancelled.
 pub(crate) fn left_out(
     input: &Path,

@@ -30,7 +30,8 @@ pub(crate) struct Index {
     pub outside: usize,
 }
 
-/// Reads the index of a medium; `None` if the file is none. Fails with status 3 if the file cannot be read, or if it is too large.
+/// Reads the index of a medium; `None` if the file is not an index. Fails with status 3 if the file cannot be read, or if it is too
+/// large.
 pub(crate) fn read(path: &Path) -> Result<Option<Index>> {
     let (file, len) = source::open(path)?;
     if len > MOST_BYTES {

@@ -17,13 +17,13 @@ const MOST_REPAIRS: usize = 64;
 /// Parses the bytes of a whole file. Also returns the bytes that the pixel position refers to: the inflated ones for a deflated
 /// transfer syntax, else `bytes` itself.
 ///
-/// Damage outside the elements that are needed is passed over. Returns [`Fault::Short`] if `bytes` end inside an element,
+/// Damage outside the elements that are needed is skipped. Returns [`Fault::Short`] if `bytes` end inside an element,
 /// [`Fault::Bad`] if they are damaged.
 pub(crate) fn parse(bytes: &[u8]) -> Result<(DataSet, Cow<'_, [u8]>), Fault> {
     parsed(bytes, true)
 }
 
-/// Parses the first bytes of a file, as [`parse`] does. Damage is not passed over, because its end may lie beyond these bytes.
+/// Parses the first bytes of a file, as [`parse`] does. Damage is not skipped, because its end may lie beyond these bytes.
 pub(crate) fn parse_first(bytes: &[u8]) -> Result<(DataSet, Cow<'_, [u8]>), Fault> {
     parsed(bytes, false)
 }
