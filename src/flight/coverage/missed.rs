@@ -8,6 +8,8 @@ use super::sight::{FLATTEST_DEGREES, REACH_MM};
 use super::wall::Wall;
 use crate::dynamics::Attitude;
 use crate::fields::{AlongColon, ClearanceFinder, Clearances};
+use crate::math::sets::Sets;
+use crate::math::sphere::half_directions;
 use crate::render::camera::Perspective;
 use crate::space::PreparedVolume;
 
@@ -186,14 +188,7 @@ impl Finders {
 /// Returns the connected patches of triangles that were not seen, each in ascending order.
 fn patches(wall: &Wall, is_seen: impl Fn(usize) -> bool) -> Vec<Vec<u32>> {
     let unseen: Vec<u32> = (0..wall.len() as u32).filter(|&n| !is_seen(n as usize)).collect();
-    let mut parent: Vec<u32> = (0..unseen.len() as u32).collect();
-    let find = |parent: &mut [u32], mut n: u32| {
-        while parent[n as usize] != n {
-            parent[n as usize] = parent[parent[n as usize] as usize];
-            n = parent[n as usize];
-        }
-        n
-    };
+    let mut sets = Sets::new(unseen.len());
     let mut sides: Vec<([u32; 2], u32)> = (0u32..)
         .zip(&unseen)
         .flat_map(|(n, &t)| {
@@ -203,19 +198,12 @@ fn patches(wall: &Wall, is_seen: impl Fn(usize) -> bool) -> Vec<Vec<u32>> {
         .collect();
     sides.par_sort_unstable();
     for w in sides.windows(2).filter(|w| w[0].0 == w[1].0) {
-        let (x, y) = (find(&mut parent, w[0].1), find(&mut parent, w[1].1));
-        parent[x.max(y) as usize] = x.min(y);
+        sets.join(w[0].1, w[1].1);
     }
-    // A root is the first of its patch.
-    let mut place = vec![0; unseen.len()];
-    let mut patches: Vec<Vec<u32>> = Vec::new();
-    for (n, &t) in unseen.iter().enumerate() {
-        let root = find(&mut parent, n as u32) as usize;
-        if root == n {
-            place[n] = patches.len();
-            patches.push(Vec::new());
-        }
-        patches[place[root]].push(t);
+    let (set, count) = sets.numbered();
+    let mut patches = vec![Vec::new(); count];
+    for (set, &t) in set.iter().zip(&unseen) {
+        patches[*set as usize].push(t);
     }
     patches
 }
@@ -252,9 +240,10 @@ fn look_from(
         some.iter().filter(sees).map(|s| s.2).sum()
     };
     let mut best: Option<(f64, DVec3)> = None;
+    let normal = normal.try_normalize().unwrap_or(DVec3::Z);
     for away in AWAY_MM {
-        for n in 0..WAYS {
-            let from = position + hemisphere(n, normal) * away;
+        for direction in half_directions(WAYS, normal) {
+            let from = position + direction * away;
             if !walls.fits(from, radius_mm + FREE_MM) {
                 continue;
             }
@@ -268,14 +257,4 @@ fn look_from(
     let (_, from) = best?;
     let attitude = Attitude::new(position - from, DVec3::Z);
     Some(LookFrom { position: from, forward: attitude.forward, up: attitude.up })
-}
-
-/// Returns unit directions evenly on the half sphere around `normal`: the spiral of the golden angle.
-fn hemisphere(n: usize, normal: DVec3) -> DVec3 {
-    const GOLDEN: f64 = 2.399_963_229_728_653;
-    let height = 1.0 - (n as f64 + 0.5) / WAYS as f64;
-    let (sine, cosine) = (GOLDEN * n as f64).sin_cos();
-    let normal = normal.try_normalize().unwrap_or(DVec3::Z);
-    let (u, v) = normal.any_orthonormal_pair();
-    normal * height + (u * cosine + v * sine) * (1.0 - height * height).max(0.0).sqrt()
 }

@@ -5,6 +5,7 @@
 //! does not depend on where a search starts.
 
 use super::Wall;
+use crate::math::sets::Sets;
 
 /// Two caps that meet at more than this share of the lower one's peak are one.
 const MERGE: f32 = 0.6;
@@ -39,28 +40,27 @@ pub(crate) fn caps_among(wall: &Wall, part: impl Iterator<Item = u32> + Clone, l
     order.sort_unstable_by(|&a, &b| k2(b).total_cmp(&k2(a)).then(a.cmp(&b)));
     // The flood that each vertex belongs to, and which flood that one has become a part of.
     let mut label = vec![NONE; wall.len()];
-    let (mut into, mut peaks): (Vec<u32>, Vec<u32>) = (Vec::new(), Vec::new());
+    let (mut floods, mut peaks) = (Sets::default(), Vec::new());
     for &v in &order {
         let mut best = NONE;
         for &n in wall.beside(v) {
             if label[n as usize] == NONE {
                 continue;
             }
-            let root = root(&mut into, label[n as usize]);
+            let root = floods.find(label[n as usize]);
             if best == NONE {
                 best = root;
             } else if root != best {
                 // Peaks come in falling order, so the lower number is the higher peak.
                 let (high, low) = (best.min(root), best.max(root));
                 if k2(v) > MERGE * k2(peaks[low as usize]) {
-                    into[low as usize] = high;
+                    floods.join(low, high);
                 }
                 best = high;
             }
         }
         if best == NONE {
-            best = into.len() as u32;
-            into.push(best);
+            best = floods.add();
             peaks.push(v);
         }
         label[v as usize] = best;
@@ -69,7 +69,7 @@ pub(crate) fn caps_among(wall: &Wall, part: impl Iterator<Item = u32> + Clone, l
         peaks.iter().map(|&peak| Cap { peak, k2: k2(peak), area: 0.0, vertices: Vec::new() }).collect();
     for v in part {
         if label[v as usize] != NONE {
-            let cap = &mut own[root(&mut into, label[v as usize]) as usize];
+            let cap = &mut own[floods.find(label[v as usize]) as usize];
             cap.area += wall.area(v);
             cap.vertices.push(v);
         }
@@ -77,14 +77,4 @@ pub(crate) fn caps_among(wall: &Wall, part: impl Iterator<Item = u32> + Clone, l
     own.retain(|c| c.k2 >= least && c.area >= area && !c.vertices.is_empty());
     own.sort_unstable_by_key(|c| c.peak);
     own
-}
-
-/// Returns the flood that `n` is part of now, and shortens the way there.
-fn root(into: &mut [u32], mut n: u32) -> u32 {
-    while into[n as usize] != n {
-        let next = into[n as usize];
-        into[n as usize] = into[next as usize];
-        n = next;
-    }
-    n
 }

@@ -3,36 +3,17 @@
 use glam::DVec3;
 
 use super::lumen::LumenMesh;
+use crate::math::sets::Sets;
 
 /// Returns the connected component of every vertex, numbered from 0 in the order of their first vertices, and the
 /// number of components.
 pub(super) fn components(mesh: &LumenMesh) -> (Vec<u32>, usize) {
-    let mut parent: Vec<u32> = (0..mesh.places.len() as u32).collect();
-    let find = |parent: &mut [u32], mut v: u32| {
-        while parent[v as usize] != v {
-            parent[v as usize] = parent[parent[v as usize] as usize];
-            v = parent[v as usize];
-        }
-        v
-    };
+    let mut sets = Sets::new(mesh.places.len());
     for &[a, b, c] in &mesh.triangles {
-        for (p, q) in [(a, b), (b, c)] {
-            let (p, q) = (find(&mut parent, p), find(&mut parent, q));
-            parent[p.max(q) as usize] = p.min(q);
-        }
+        sets.join(a, b);
+        sets.join(b, c);
     }
-    let mut count = 0;
-    for v in 0..parent.len() {
-        // A root is the smallest vertex of its component. It was numbered before the others, and until then it is its own parent.
-        let p = parent[v] as usize;
-        parent[v] = if p == v {
-            count += 1;
-            count - 1
-        } else {
-            parent[p]
-        };
-    }
-    (parent, count as usize)
+    sets.numbered()
 }
 
 impl LumenMesh {

@@ -5,6 +5,7 @@ use glam::DVec3;
 use super::settings::{not_negative, positive};
 use crate::dynamics::mines::{MineSettings, Mines};
 use crate::error::{Error, Result};
+use crate::math::sphere;
 
 /// What propels a camera with tentacles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -96,15 +97,7 @@ impl TentacleSettings {
 /// assert!(mean.length() < 0.01, "no side is preferred");
 /// ```
 pub fn directions(count: usize) -> Vec<DVec3> {
-    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
-    (0..count)
-        .map(|i| {
-            let z = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
-            let r = (1.0 - z * z).max(0.0).sqrt();
-            let (s, c) = (golden * i as f64).sin_cos();
-            DVec3::new(r * c, r * s, z)
-        })
-        .collect()
+    sphere::directions(count).collect()
 }
 
 /// Returns `count` unit vectors spread evenly over the circle in the plane z = 0: the tentacles for a drawn lumen.

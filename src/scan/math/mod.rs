@@ -10,4 +10,6 @@ pub mod normal;
 #[doc(hidden)]
 pub mod reflection;
 #[doc(hidden)]
+pub mod sets;
+#[doc(hidden)]
 pub mod sphere;

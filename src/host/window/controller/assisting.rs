@@ -16,6 +16,7 @@ use crate::dynamics::Attitude;
 use crate::host::window::assistant::{Assistant, Entry, answer_text};
 use crate::host::window::contract::WindowView;
 use crate::host::window::intent::WhyNot;
+use crate::math::sphere::half_directions;
 use crate::polyps::Detector;
 use crate::polyps::answers::Answer;
 use crate::space::first_crossing;
@@ -29,8 +30,6 @@ const NEAR_MM: f64 = 4.0;
 const FAR_MM: f64 = 80.0;
 const STEP_MM: f64 = 2.0;
 const BEFORE_MM: f64 = 1.0;
-/// The golden angle, radians.
-const GOLDEN: f64 = 2.399_963_229_728_653;
 
 impl FlightController {
     /// Sets the method that finds polyps.
@@ -264,12 +263,9 @@ impl FlightController {
         let place = entry.candidate.position;
         let out = (entry.pose.position - place).try_normalize()?;
         let start = place + out * BEFORE_MM;
-        let (u, w) = out.any_orthonormal_pair();
         let mut best: Option<(f64, Pose, usize)> = None;
-        for n in 0..DIRECTIONS {
-            // Evenly over the half of a sphere, those near the preferred one first.
-            let (along, turn) = (1.0 - (n as f64 + 0.5) / DIRECTIONS as f64, GOLDEN * n as f64);
-            let direction = out * along + (u * turn.cos() + w * turn.sin()) * (1.0 - along * along).sqrt();
+        // Those near the preferred one first.
+        for direction in half_directions(DIRECTIONS, out) {
             let free = first_crossing(self.flight.shown_scan(), start, direction, FAR_MM).unwrap_or(FAR_MM);
             let reach = best.map_or(free, |b| b.0.min(free));
             let ways = (1u32..).map(|n| f64::from(n) * STEP_MM).take_while(|mm| *mm < reach);

@@ -4,7 +4,8 @@ use super::GAS;
 use super::changes::Changes;
 use super::residue::Bits;
 use crate::error::Result;
-use crate::fields::lumen::runs::{Run, Sets, touching};
+use crate::fields::lumen::runs::{Run, touching};
+use crate::math::sets::Sets;
 use crate::progress::Progress;
 use crate::volume::Volume;
 

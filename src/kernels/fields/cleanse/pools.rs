@@ -8,7 +8,8 @@ use std::collections::VecDeque;
 use crate::error::Result;
 use crate::fields::Lumen;
 use crate::fields::lumen::frame::{AxisDirection, Frame};
-use crate::fields::lumen::runs::{Rows, Sets, touching};
+use crate::fields::lumen::runs::{Rows, touching};
+use crate::math::sets::Sets;
 use crate::progress::Progress;
 use crate::volume::Grid;
 

@@ -12,8 +12,9 @@ use rayon::prelude::*;
 
 use super::GAS_HU;
 use super::frame::{AxisDirection, Frame};
-use super::runs::{Rows, Run, Sets, touching};
+use super::runs::{Rows, Run, touching};
 use crate::error::Result;
+use crate::math::sets::Sets;
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
 

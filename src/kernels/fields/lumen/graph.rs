@@ -9,9 +9,10 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::cells::{CELL_MM, Cells, by_cells, cell};
-use super::runs::{Rows, Run, Sets, touching};
+use super::runs::{Rows, Run, touching};
 use crate::error::Result;
 use crate::fields::neighbours::{Neighbours, Ways};
+use crate::math::sets::Sets;
 use crate::progress::Progress;
 use crate::volume::Grid;
 

@@ -5,9 +5,10 @@ use super::graph::Graph;
 use super::kinds::rules::{self, Chain};
 use super::kinds::{Considered, Features, GasKind, Judged, Landmarks, features, necks};
 use super::others::Other;
-use super::runs::{Rows, Sets, touching};
+use super::runs::{Rows, touching};
 use super::{Bodies, Body, Core, Lumen, SNAP_MM, Told, ends, measured, order};
 use crate::error::Result;
+use crate::math::sets::Sets;
 use crate::progress::Progress;
 use crate::volume::Volume;
 

@@ -6,9 +6,10 @@ use glam::DVec3;
 
 use super::kinds::GasKind;
 use super::others::{Other, Others};
-use super::runs::{Rows, Run, Sets, touching};
+use super::runs::{Rows, Run, touching};
 use super::{Lumen, SNAP_MM, Told, ends};
 use crate::error::Result;
+use crate::math::sets::Sets;
 use crate::volume::Grid;
 
 /// Binary places of fixed-point voxel coordinates.

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::frame::AxisDirection;
 use crate::error::{Error, Result};
+use crate::math::sets::Sets;
 use crate::progress::Progress;
 use crate::volume::Volume;
 
@@ -248,29 +249,18 @@ impl Rows {
     /// components. The runs of each row must be separate. Slices are joined internally in parallel, then to each other in order.
     pub(super) fn label_components(&mut self, progress: &Progress) -> Result<usize> {
         let [_, ny, nz] = self.dims;
-        let slice_starts: Vec<usize> = (0..=nz).map(|k| self.offsets[k * ny] as usize).collect();
-        // Each slice has a separate union-find on a disjoint piece of one array; its roots stay within the slice.
-        let mut sets = Sets::new(self.runs.len());
-        let mut pieces = Vec::with_capacity(nz);
-        let mut rest = sets.parent.as_mut_slice();
-        for w in slice_starts.windows(2) {
-            let (piece, tail) = rest.split_at_mut(w[1] - w[0]);
-            pieces.push(piece);
-            rest = tail;
-        }
-        pieces.into_par_iter().enumerate().for_each(|(k, piece)| {
-            let base = slice_starts[k];
-            let mut own = Sets::new(piece.len());
+        let within = |k: usize| {
+            let base = self.offsets[k * ny] as usize;
+            let mut own = Sets::new(self.offsets[(k + 1) * ny] as usize - base);
             for j in 1..ny {
                 let (a, b) = (self.row_range(j - 1, k), self.row_range(j, k));
                 touching(&self.runs[a.clone()], &self.runs[b.clone()], |x, y| {
                     own.join((a.start - base + x) as u32, (b.start - base + y) as u32);
                 });
             }
-            for (to, from) in piece.iter_mut().zip(own.parent) {
-                *to = base as u32 + from;
-            }
-        });
+            own
+        };
+        let mut sets = Sets::concat((0..nz).into_par_iter().map(within).collect());
         for k in 1..nz {
             progress.check()?;
             for j in 0..ny {
@@ -295,50 +285,6 @@ impl Rows {
 
 fn too_many() -> Error {
     Error::input("volume", "is too large and too noisy to be segmented", "crop or resample it")
-}
-
-/// Union-find whose roots are the smallest members, so that the result does not depend on the order of operations.
-#[derive(Debug, Default)]
-pub(in crate::fields) struct Sets {
-    parent: Vec<u32>,
-}
-
-impl Sets {
-    pub(crate) fn new(n: usize) -> Self {
-        Self { parent: (0..n as u32).collect() }
-    }
-
-    pub(crate) fn find(&mut self, mut a: u32) -> u32 {
-        while self.parent[a as usize] != a {
-            let up = self.parent[self.parent[a as usize] as usize];
-            self.parent[a as usize] = up;
-            a = up;
-        }
-        a
-    }
-
-    pub(crate) fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.find(a), self.find(b));
-        if a != b {
-            self.parent[a.max(b) as usize] = a.min(b);
-        }
-    }
-
-    /// Returns the set of every member, numbered from 0 in the order of first members, and the number of sets.
-    pub(crate) fn numbered(mut self) -> (Vec<u32>, usize) {
-        let mut count = 0;
-        for a in 0..self.parent.len() {
-            // A root is smaller than its members, so it was numbered before them; until then it is its own parent.
-            let p = self.parent[a] as usize;
-            self.parent[a] = if p == a {
-                count += 1;
-                count - 1
-            } else {
-                self.parent[p]
-            };
-        }
-        (self.parent, count as usize)
-    }
 }
 
 /// Calls `f(a, b)` for the indices of every two runs of rows `a` and `b` that share an x.

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::fields::lumen::TISSUE_HU;
 use crate::fields::lumen::frame::Frame;
-use crate::fields::lumen::runs::Sets;
+use crate::math::sets::Sets;
 use crate::volume::{PatientPosition, Volume};
 
 /// Minimum side of a cell, mm.

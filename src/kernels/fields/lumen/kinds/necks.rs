@@ -5,7 +5,7 @@
 //! passage is narrow stay apart.
 
 use crate::fields::lumen::graph::Graph;
-use crate::fields::lumen::runs::Sets;
+use crate::math::sets::Sets;
 
 /// Clearance below which a passage is narrow, mm, as coarse as the map.
 const NARROW_MM: f64 = 2.6;
