@@ -32,6 +32,7 @@ impl Sets {
     }
 
     /// Adds a set of one member, the next number, and returns it.
+    #[inline]
     pub fn add(&mut self) -> u32 {
         let next = self.parent.len() as u32;
         self.parent.push(next);
