@@ -532,7 +532,7 @@ fn candidates_are_answered_in_a_window() {
     std::thread::sleep(Duration::from_secs(1));
     assert!(quit(window).is_null());
     gone();
-    let kept = folder.join("state/colvis/answers");
+    let kept = folder.join("state/colvis/findings");
     assert!(!kept.exists());
     let mut window = screen.fly(folder, "f.jsonl");
     std::thread::sleep(Duration::from_secs(1));

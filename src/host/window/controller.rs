@@ -26,6 +26,7 @@ use super::background::{Background, BackgroundTask};
 use super::cleansing::Cleansing;
 use super::contract::WindowView;
 use super::directions::Directions;
+use super::document::Document;
 use super::field_job;
 use super::figures::Figures;
 use super::framebuffer::{Framebuffer, PresentResult};
@@ -62,7 +63,6 @@ use crate::render::Frame;
 use crate::render::ImageSize;
 use crate::systems::present;
 use crate::volume::io::thick_slices;
-use history::History;
 use looking::Looking;
 
 /// Maximum number of steps between two images. A slower machine flies slower.
@@ -111,11 +111,7 @@ pub(crate) struct FlightController {
     assistant: Option<Box<Assistant>>,
     /// The method that finds polyps.
     detector: Detector,
-    /// The file of the answers to this scan's candidates.
-    answers_file: Option<PathBuf>,
-    /// True if what is made is kept with the scan.
-    keeps: bool,
-    /// Why it is not, in a sentence.
+    /// Why what is made is not kept with the scan, in a sentence.
     unkept: Option<String>,
     /// The kinds of gas, found once somebody asks for them.
     kinds: Kinds,
@@ -123,8 +119,8 @@ pub(crate) struct FlightController {
     seen: Seen,
     /// The view that is looked at.
     looking: Looking,
-    /// What was changed, in order.
-    history: History,
+    /// What was found, and its history.
+    document: Document,
     /// True once anything of the flight was shown.
     has_shown: bool,
     background: Background,
@@ -180,6 +176,8 @@ impl FlightController {
         let automatic = scene.guide().into_iter().chain(scene.guides.iter()).find(|g| g.automatic);
         let last_guide = automatic.map_or("", |g| g.name);
         let kinds = Kinds::new(flight.setup().told.clone(), now);
+        let mut document = Document::default();
+        document.begin_with(kinds.told());
         // What the scan cannot show is said for as long as a fault.
         let thick = thick_slices(flight.setup().volume.voxels().grid()).map(|note| (note, now + FAULT_MESSAGE));
         Ok(Self {
@@ -204,13 +202,11 @@ impl FlightController {
             cleansing: Cleansing::new(now),
             assistant: None,
             detector: detectors::BUILT_IN[0],
-            answers_file: None,
-            keeps: true,
             unkept: None,
             kinds,
             seen: Seen::new(now),
             looking: Looking::default(),
-            history: History::default(),
+            document,
             has_shown: false,
             background,
             last_guide,
@@ -657,8 +653,6 @@ impl FlightController {
         self.take_planned(now);
         self.take_cleansed(now);
         self.take_found(now);
-        // Answers of a file may have been added to the list.
-        self.note_changes();
         self.take_kinds(now);
         self.take_seen(now);
         for note in self.flight.take_notes() {

@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 
 use super::Resume;
 use super::controller::FlightController;
+use super::document::Document;
 use super::looked;
-use super::measures::Measures;
 use super::session::{ScanFiles, Session};
 use crate::app::FlightApp;
 use crate::components::still::StillViews;
@@ -124,11 +124,8 @@ impl Keeping {
 
     /// Gives a window what was kept, and the files to keep it in. Returns the error of a file that is damaged.
     pub(crate) fn equip(&self, controller: &mut FlightController) -> Option<Error> {
-        let files = self.files.clone();
-        let (measures, unread) = Measures::open(files.measures);
-        controller.set_measures(measures);
-        controller.set_answers_file(files.answers);
-        controller.set_kinds_file(files.kinds);
+        let (document, unread) = Document::open(&self.files);
+        controller.set_document(document);
         _ = controller.keep_files(self.is_ours());
         if !self.is_ours() {
             controller.set_unkept(IS_ELSEWHERE);
@@ -138,7 +135,7 @@ impl Keeping {
 
     /// True if what is made is stored: by this window, and on a system that has a folder for it.
     pub(crate) fn keeps(&self) -> bool {
-        self.is_ours() && self.files.measures.is_some()
+        self.is_ours() && self.files.findings.is_some()
     }
 
     /// True if this window keeps what is made.
@@ -211,7 +208,7 @@ fn hold(files: &ScanFiles, now: Instant) -> Hold {
     match lock.try_lock() {
         Ok(()) => Hold::Ours(Some(lock)),
         Err(TryLockError::WouldBlock) => {
-            let all = [&files.measures, &files.answers, &files.kinds].into_iter().flatten();
+            let all = [&files.findings, &files.measures, &files.answers, &files.kinds].into_iter().flatten();
             Hold::Theirs(lock, all.map(|path| (path.clone(), std::fs::read(path).ok())).collect(), now)
         }
         // A file system without locks.
@@ -235,15 +232,13 @@ mod tests {
 
     /// What a window keeps in a folder, as it is when it opens a scan.
     fn opened(folder: &Path, now: Instant) -> Keeping {
-        let file = |name: &str| Some(folder.join(name).join("a.json"));
-        let files = ScanFiles {
-            measures: file("measures"),
-            answers: file("answers"),
-            kinds: file("kinds"),
-            looked: file("seen"),
-            lock: file("locks"),
-        };
-        Keeping { hold: hold(&files, now), session: file("sessions"), files, is_whole: false }
+        let files = ScanFiles::below(folder, "a.json");
+        Keeping {
+            hold: hold(&files, now),
+            session: Some(folder.join("sessions").join("a.json")),
+            files,
+            is_whole: false,
+        }
     }
 
     /// A window that shows a flight with what was kept.
@@ -256,12 +251,11 @@ mod tests {
     }
 
     fn measure(c: &mut FlightController, to: DVec3) {
-        c.measures_mut().click(DVec3::ZERO).unwrap();
-        c.measures_mut().click(to).unwrap();
+        c.measure_between(DVec3::ZERO, to);
     }
 
     fn kept(folder: &Path) -> usize {
-        Measures::open(Some(folder.join("measures").join("a.json"))).0.list().len()
+        Document::open(&ScanFiles::below(folder, "a.json")).0.found().distances.len()
     }
 
     /// Fails if the second window writes: the distance of the first, or its own, would be gone.
@@ -329,14 +323,14 @@ mod tests {
         first.close(a.flight());
         drop(first);
         // A file where the folder of the distances would be.
-        std::fs::write(dir.path().join("measures"), "").unwrap();
+        std::fs::write(dir.path().join("findings"), "").unwrap();
         now += Duration::from_secs(2);
         let turn = second.take_over(&mut b, now).unwrap();
         assert!(matches!(&turn, Turn::Failed(_)) && turn.warning() == Some(turn.said()));
-        assert!(turn.said().contains("is not kept: ") && turn.said().contains("measures"), "{}", turn.said());
+        assert!(turn.said().contains("is not kept: ") && turn.said().contains("findings"), "{}", turn.said());
         assert!(!second.is_ours() && second.next().is_none());
         let told = b.unfinished().unwrap();
-        assert!(told.contains("measures") && told.ends_with("What you made here is not kept."), "{told}");
+        assert!(told.contains("findings") && told.ends_with("What you made here is not kept."), "{told}");
         // Another window may keep the scan.
         assert!(opened(dir.path(), now).is_ours());
         second.close(b.flight());

@@ -2,15 +2,14 @@
 //!
 //! Nothing is computed or kept before somebody asks. A change finds the lumen anew while the flight goes on.
 
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DVec3;
 
 use super::background::{Background, BackgroundTask};
+use super::findings::MOST_KINDS;
 use super::job::Job;
-use super::told;
 use crate::app::Fields;
 use crate::app::flight::onward;
 use crate::app::{FlightApp, Setup};
@@ -23,8 +22,6 @@ use crate::volume::Volume;
 
 /// Distance from a body at which a click is meant for it, mm.
 const NEAR_MM: f64 = 3.0;
-/// Maximum number of changes that can be undone.
-const UNDONE: usize = 100;
 /// Opacities of a body, and of the one that is chosen.
 const OPACITY: u8 = 140;
 const CHOSEN: u8 = 220;
@@ -78,40 +75,25 @@ pub(crate) struct Kinds {
     /// The place of the body that was clicked on, world mm.
     chosen: Option<DVec3>,
     told: Vec<Told>,
-    before: Vec<Vec<Told>>,
-    /// Number of changes ever made.
-    made: u64,
-    /// The file of what the reader said; `None` if it is not stored.
-    file: Option<PathBuf>,
-    /// True if it is not stored for the time being.
-    is_held: bool,
 }
 
 impl Kinds {
     /// Creates the kinds of a flight, with what the reader said before.
     pub(crate) fn new(told: Vec<Told>, now: Instant) -> Self {
-        Self {
-            is_shown: false,
-            task: BackgroundTask::new(now),
-            map: None,
-            tint: None,
-            chosen: None,
-            told,
-            before: Vec::new(),
-            made: 0,
-            file: None,
-            is_held: false,
+        Self { is_shown: false, task: BackgroundTask::new(now), map: None, tint: None, chosen: None, told }
+    }
+
+    /// Takes the kinds of a file, if they are others: the flight began with what was read before, and another window may have changed it
+    /// since. The lumen is found with them once somebody asks for the kinds.
+    pub(crate) fn adopt(&mut self, told: &[Told]) {
+        if told != self.told {
+            self.told = told.to_vec();
         }
     }
 
-    /// Stores what the reader says in a file. What it holds counts, if that is something else: the flight began with what was read
-    /// before, and another window may have changed it since. The lumen is found with it once somebody asks for the kinds.
-    pub(crate) fn keep_in(&mut self, file: Option<PathBuf>) {
-        let kept = file.as_deref().filter(|f| f.exists()).and_then(|f| told::read(f).ok());
-        if let Some(kept) = kept.filter(|kept| self.made == 0 && *kept != self.told) {
-            self.told = kept;
-        }
-        self.file = file;
+    /// Returns the kinds that the reader gave.
+    pub(crate) fn told(&self) -> &[Told] {
+        &self.told
     }
 
     /// True if they are shown in the slices.
@@ -205,65 +187,31 @@ impl Kinds {
     }
 
     /// Gives a kind to the chosen body, or takes back what was given. Returns false if nothing changes.
-    ///
-    /// # Errors
-    /// Returns status 5 if it cannot be stored. The change is made nevertheless.
     pub(crate) fn tell(
         &mut self,
         kind: Option<GasKind>,
         at: &FlightApp,
         background: &Background,
         now: Instant,
-    ) -> Result<bool> {
+    ) -> bool {
         let (Some(map), Some(place), Some((chosen, _))) = (self.map.clone(), self.chosen, self.chosen_body()) else {
-            return Ok(false);
+            return false;
         };
         let mut told = self.told.clone();
         told.retain(|t| map.nearest(t.0, NEAR_MM).is_none_or(|(n, _)| n != chosen));
         told.extend(kind.map(|kind| (place, kind)));
-        told.drain(..told.len().saturating_sub(told::MOST));
+        told.drain(..told.len().saturating_sub(MOST_KINDS));
         if told == self.told {
-            return Ok(false);
+            return false;
         }
-        self.made += 1;
-        self.before.push(std::mem::replace(&mut self.told, told));
-        self.before.drain(..self.before.len().saturating_sub(UNDONE));
-        self.begin(at, background, now);
-        self.keep().map(|()| true)
+        self.restore(told, at, background, now);
+        true
     }
 
-    /// Returns the number of changes that were ever made; undoing counts as none.
-    pub(crate) fn changes_made(&self) -> u64 {
-        self.made
-    }
-
-    /// True if a change can be undone.
-    pub(crate) fn may_undo(&self) -> bool {
-        !self.before.is_empty()
-    }
-
-    /// Undoes the last change.
-    ///
-    /// # Errors
-    /// Returns status 5 if it cannot be stored. The change is undone nevertheless.
-    pub(crate) fn undo(&mut self, flight: &FlightApp, background: &Background, now: Instant) -> Result<()> {
-        let Some(before) = self.before.pop() else { return Ok(()) };
-        self.told = before;
+    /// Restores the kinds that were given before.
+    pub(crate) fn restore(&mut self, told: Vec<Told>, flight: &FlightApp, background: &Background, now: Instant) {
+        self.told = told;
         self.begin(flight, background, now);
-        self.keep()
-    }
-
-    /// Stores what the reader says from now on, with what was said until now, or not for the time being.
-    ///
-    /// # Errors
-    /// Returns status 5 if it cannot be stored.
-    pub(crate) fn keep_now(&mut self, keeps: bool) -> Result<()> {
-        self.is_held = !keeps;
-        if self.made > 0 { self.keep() } else { Ok(()) }
-    }
-
-    fn keep(&self) -> Result<()> {
-        self.file.as_deref().filter(|_| !self.is_held).map_or(Ok(()), |file| told::keep(file, &self.told))
     }
 }
 

@@ -7,11 +7,10 @@ use glam::DVec3;
 
 use super::job::Job;
 use super::overlay::Content;
-use super::{session, told};
+use super::{Resume, findings, session};
 use crate::app::FlightApp;
 use crate::error::{Error, Result};
 use crate::fields::lumen::Told;
-use crate::output;
 use crate::progress::Progress;
 use crate::volume::Volume;
 
@@ -73,14 +72,11 @@ impl SessionFile {
         Self(session::file(volume))
     }
 
-    /// Returns the kinds that the reader gave to gas when the scan was open before. A file that cannot be read is reported.
+    /// Returns the kinds that the reader gave to gas when the scan was open before. A file that cannot be read is told of later.
     #[doc(hidden)]
     pub fn told(&self) -> Vec<Told> {
-        let read = self.0.as_deref().and_then(session::kinds_file).map_or(Ok(Vec::new()), |path| told::read(&path));
-        read.unwrap_or_else(|e| {
-            output::to_stderr(format_args!("note: {e}"));
-            Vec::new()
-        })
+        let read = findings::read(&session::ScanFiles::of(self.0.as_deref(), Resume::Nothing));
+        read.ok().and_then(|found| found.kinds).unwrap_or_default()
     }
 
     /// True if the whole colon was read when the scan was closed, and not to its end. A file that cannot be read is told of later.

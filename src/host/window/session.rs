@@ -172,11 +172,13 @@ pub(crate) fn file(volume: &Volume) -> Option<PathBuf> {
 /// What is kept of a scan beside its session: files in folders of their own, with the session's name.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ScanFiles {
-    /// Distances.
+    /// Distances, answers to candidates and kinds of gas.
+    pub(crate) findings: Option<PathBuf>,
+    /// The files in which earlier versions kept distances,
     pub(crate) measures: Option<PathBuf>,
-    /// Answers to candidates.
+    /// answers
     pub(crate) answers: Option<PathBuf>,
-    /// Kinds of gas.
+    /// and kinds.
     pub(crate) kinds: Option<PathBuf>,
     /// What was looked at.
     pub(crate) looked: Option<PathBuf>,
@@ -189,8 +191,19 @@ impl ScanFiles {
     /// not overwrite it.
     pub(crate) fn of(session: Option<&Path>, resume: Resume) -> Self {
         let name = session.and_then(Path::file_name).filter(|_| resume != Resume::Never);
-        let file = |folder: &str| name.and_then(|name| Folder::State.file(Path::new(folder).join(name)));
+        Self::named(|folder| name.and_then(|name| Folder::State.file(Path::new(folder).join(name))))
+    }
+
+    /// Those in a folder.
+    #[cfg(test)]
+    pub(crate) fn below(folder: &Path, name: &str) -> Self {
+        Self::named(|kind| Some(folder.join(kind).join(name)))
+    }
+
+    /// Those that `file` returns for the names of their folders.
+    fn named(file: impl Fn(&str) -> Option<PathBuf>) -> Self {
         Self {
+            findings: file("findings"),
             measures: file("measures"),
             answers: file("answers"),
             kinds: file("kinds"),
@@ -198,11 +211,6 @@ impl ScanFiles {
             lock: file("locks"),
         }
     }
-}
-
-/// Returns the file of the kinds that the reader gave to gas in the scan with this session file.
-pub(crate) fn kinds_file(session: &Path) -> Option<PathBuf> {
-    Folder::State.file(Path::new("kinds").join(session.file_name()?))
 }
 
 /// Computes a hash of the grid and of voxels spread over the volume.
@@ -338,11 +346,15 @@ mod tests {
     fn a_flight_that_repeats_another_has_none_of_the_files_of_its_scan() {
         let session = Path::new("sessions/00ff.json");
         for resume in [Resume::Everything, Resume::Place, Resume::Nothing] {
-            let ScanFiles { measures, answers, kinds, looked, lock } = ScanFiles::of(Some(session), resume);
-            assert_eq!(kinds, kinds_file(session));
-            for (file, folder) in
-                [(measures, "measures"), (answers, "answers"), (kinds, "kinds"), (looked, "seen"), (lock, "locks")]
-            {
+            let ScanFiles { findings, measures, answers, kinds, looked, lock } = ScanFiles::of(Some(session), resume);
+            for (file, folder) in [
+                (findings, "findings"),
+                (measures, "measures"),
+                (answers, "answers"),
+                (kinds, "kinds"),
+                (looked, "seen"),
+                (lock, "locks"),
+            ] {
                 // A system may define no folder for it.
                 let Some(file) = file else { continue };
                 assert!(file.ends_with(Path::new(folder).join("00ff.json")), "{}", file.display());

@@ -18,7 +18,7 @@ use super::cleansing::Cleansing;
 use super::job::Job;
 use crate::app::FlightApp;
 use crate::error::Result;
-use crate::polyps::answers::{Answer, Answers};
+use crate::polyps::answers::{Answer, Answered, Answers};
 use crate::polyps::{Detector, Measurement};
 
 use showing::Facts;
@@ -61,10 +61,6 @@ pub(crate) struct Assistant {
     /// The method that finds polyps.
     detector: Detector,
     reading: Reading,
-    /// The file of the answers; `None` if they are not stored.
-    file: Option<PathBuf>,
-    /// True if they are stored; false for the time being.
-    keeps: bool,
     /// A file of answers to be added once there is a list.
     wanted: Option<PathBuf>,
     /// The last message about answers, in one line.
@@ -78,16 +74,14 @@ pub(crate) struct Assistant {
 }
 
 impl Assistant {
-    /// Creates an assistant that searches as soon as possible with this method, and with the file of the scan's answers.
-    pub(crate) fn new(detector: Detector, file: Option<PathBuf>, now: Instant) -> Self {
+    /// Creates an assistant that searches as soon as possible with this method.
+    pub(crate) fn new(detector: Detector, now: Instant) -> Self {
         Self {
             waiting: Some(now),
             task: BackgroundTask::new(now),
             found: None,
             detector,
             reading: Reading::default(),
-            file,
-            keeps: true,
             wanted: None,
             told: String::new(),
             is_marking: false,
@@ -97,13 +91,14 @@ impl Assistant {
         }
     }
 
-    /// Goes on: begins the search once the scan without tag is known, and takes what was found. Returns true if there is something new
-    /// to show.
+    /// Goes on: begins the search once the scan without tag is known, and takes what was found, to which `answers` were given before.
+    /// Returns true if there is something new to show.
     pub(crate) fn advance(
         &mut self,
         flight: &FlightApp,
         cleansing: &Cleansing,
         background: &Background,
+        answers: &[Answered],
         now: Instant,
     ) -> bool {
         if self.waiting.is_some() {
@@ -116,35 +111,27 @@ impl Assistant {
         let done = self.task.take(now);
         let is_new = done.is_some();
         if let Some(Ok((found, seconds))) = done {
-            self.take(found, seconds);
+            self.take(found, answers, seconds);
         }
         is_new
     }
 
-    fn take(&mut self, found: Found, seconds: f64) {
+    fn take(&mut self, found: Found, answers: &[Answered], seconds: f64) {
         self.took = Some(Took { candidates: found.list.len(), seconds, bytes: found.bytes });
         let places = found.list.iter().map(|e| e.candidate.position).collect();
-        let (reading, unread) = Reading::open(places, self.file.clone());
         let showing = self.reading.showing();
-        self.reading = reading;
-        // Nothing was said yet.
-        _ = self.reading.keep_now(self.keeps);
+        self.reading = Reading::open(places, answers);
         self.reading.know(found.list.iter().map(Facts::of).collect());
         self.reading.show(showing);
-        self.told = unread.map_or_else(String::new, |e| format!("answers are not kept: {}: {}", e.what, e.why));
+        self.told.clear();
         self.found = Some(Arc::new(found));
+    }
+
+    /// Adds the answers that have waited for the list.
+    pub(crate) fn load_wanted(&mut self) {
         if let Some(path) = self.wanted.take() {
             self.load(&path);
         }
-    }
-
-    /// Stores the answers from now on, with those that were given until now, or not for the time being.
-    ///
-    /// # Errors
-    /// Returns status 5 if they cannot be stored.
-    pub(crate) fn keep_now(&mut self, keeps: bool) -> Result<()> {
-        self.keeps = keeps;
-        self.reading.keep_now(keeps)
     }
 
     /// Returns when its progress has to be looked at.
@@ -212,16 +199,18 @@ impl Assistant {
             self.wanted = Some(path.to_owned());
             return;
         }
-        let merged = Answers::read(path).and_then(|answers| Ok((self.reading.merge(&answers)?, answers.answers.len())));
-        self.told = match merged {
-            Ok((own, all)) => format!("{own} of {all} answers belong to candidates of this list"),
+        self.told = match Answers::read(path).map(|read| read.answers) {
+            Ok(all) => {
+                let own = self.reading.merge(&all);
+                format!("{own} of {} answers belong to candidates of this list", all.len())
+            }
             Err(e) => format!("{}: {}", e.what, e.why),
         };
     }
 
-    /// Reports that answers could not be stored, or nothing.
-    pub(crate) fn report(&mut self, kept: Result<()>) {
-        self.told = kept.err().map_or_else(String::new, |e| format!("not saved: {}: {}", e.what, e.why));
+    /// Sets the message about answers; empty for none.
+    pub(crate) fn tell(&mut self, told: String) {
+        self.told = told;
     }
 
     /// Measures the lesion at a place of the wall (world, mm).

@@ -1,18 +1,12 @@
-//! A reader's way through the candidates: which one is looked at, and what was said of each, stored at once for the next time.
-
-use std::path::PathBuf;
+//! A reader's way through the candidates: which one is looked at, and what was said of each.
 
 use glam::DVec3;
 
 use super::showing::{Facts, Showing};
-use crate::error::{Error, Result};
-use crate::output;
-use crate::polyps::answers::{Answer, Answered, Answers};
+use crate::polyps::answers::{Answer, Answered};
 
 /// Answers belong to the candidate within this distance, mm.
 const SAME_MM: f64 = 1.0;
-/// Maximum number of changes that can be undone.
-const UNDONE: usize = 100;
 
 /// What is said of a candidate.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -27,15 +21,6 @@ impl Said {
     }
 }
 
-/// A change that can be undone: what was said before.
-#[derive(Debug)]
-struct Change {
-    /// Candidates by their numbers, from 0.
-    before: Vec<(usize, Said)>,
-    /// True if a note was written. Letter by letter, it is one change.
-    is_note: bool,
-}
-
 /// The state of a reading.
 #[derive(Debug, Default)]
 pub(crate) struct Reading {
@@ -48,34 +33,15 @@ pub(crate) struct Reading {
     /// What is known of the candidates, and which of them the list shows.
     facts: Vec<Facts>,
     showing: Showing,
-    changes: Vec<Change>,
-    /// Number of changes ever made.
-    made: u64,
-    /// True if letters of a note that follow belong to the last change.
-    is_writing: bool,
-    /// The file of the answers; `None` if they are not stored.
-    file: Option<PathBuf>,
-    /// True if they are not stored for the time being.
-    is_held: bool,
 }
 
 impl Reading {
-    /// Begins to read candidates at these places (world, mm), with the answers stored in a file. If that is damaged, returns its
-    /// error too; there are no answers then, and the file is not overwritten.
-    pub(crate) fn open(places: Vec<DVec3>, file: Option<PathBuf>) -> (Self, Option<Error>) {
+    /// Begins to read candidates at these places (world, mm), with the answers that were given before.
+    pub(crate) fn open(places: Vec<DVec3>, answers: &[Answered]) -> Self {
         let said = vec![Said::default(); places.len()];
-        let mut made = Self { places, said, file, ..Self::default() };
-        let Some(path) = made.file.as_ref().filter(|f| f.exists()) else { return (made, None) };
-        match Answers::read(path) {
-            Ok(answers) => {
-                made.take(&answers);
-                (made, None)
-            }
-            Err(e) => {
-                made.file = None;
-                (made, Some(e))
-            }
-        }
+        let mut made = Self { places, said, ..Self::default() };
+        made.merge(answers);
+        made
     }
 
     /// Takes what is known of the candidates, in their order.
@@ -119,19 +85,9 @@ impl Reading {
         self.said.iter().filter(|s| s.answer.is_some()).count()
     }
 
-    /// Returns the number of changes that were ever made; undoing counts as none.
-    pub(crate) fn changes_made(&self) -> u64 {
-        self.made
-    }
-
-    /// Ends the note that is being written: letters that follow are another change.
-    pub(crate) fn end_note(&mut self) {
-        self.is_writing = false;
-    }
-
-    /// True if a change can be undone.
-    pub(crate) fn may_undo(&self) -> bool {
-        !self.changes.is_empty()
+    /// Returns what is said of all candidates.
+    pub(crate) fn all(&self) -> &[Said] {
+        &self.said
     }
 
     /// Goes to a candidate. Returns it if it exists.
@@ -171,60 +127,33 @@ impl Reading {
     }
 
     /// Answers for the candidate that is looked at.
-    ///
-    /// # Errors
-    /// Returns status 5 if it cannot be stored. The answer is there nevertheless.
-    pub(crate) fn answer(&mut self, answer: Answer) -> Result<()> {
-        let Some(n) = self.current else { return Ok(()) };
-        let said = Said { answer: Some(answer), ..self.said[n].clone() };
-        self.change(vec![(n, said)], false)
+    pub(crate) fn answer(&mut self, answer: Answer) {
+        if let Some(n) = self.current {
+            self.said[n].answer = Some(answer);
+        }
     }
 
     /// Writes the note of a candidate.
-    ///
-    /// # Errors
-    /// As [`Reading::answer`].
-    pub(crate) fn note(&mut self, n: usize, note: String) -> Result<()> {
-        let Some(said) = self.said.get(n) else { return Ok(()) };
-        self.change(vec![(n, Said { note, ..said.clone() })], true)
+    pub(crate) fn note(&mut self, n: usize, note: String) {
+        if let Some(said) = self.said.get_mut(n) {
+            said.note = note;
+        }
     }
 
-    /// Undoes the last change, and goes back to the candidate that it was about, unless there were several. Returns it, or the first.
-    ///
-    /// # Errors
-    /// As [`Reading::answer`].
-    pub(crate) fn undo(&mut self) -> Result<Option<usize>> {
-        self.is_writing = false;
-        let Some(change) = self.changes.pop() else { return Ok(None) };
-        let first = change.before.first().map(|b| b.0);
-        if let [(only, _)] = change.before[..] {
-            self.current = Some(only);
-        }
-        for (n, said) in change.before {
-            self.said[n] = said;
-        }
-        self.keep()?;
-        Ok(first)
+    /// Restores what was said before. Goes to the candidate that it is about, unless there are several, and returns it.
+    pub(crate) fn restore(&mut self, said: Vec<Said>) -> Option<usize> {
+        let mut changed = self.said.iter().zip(&said).enumerate().filter(|(_, (a, b))| a != b).map(|(n, _)| n);
+        let only = changed.next().filter(|_| changed.next().is_none());
+        self.said = said;
+        self.current = only.or(self.current);
+        only
     }
 
     /// Adds answers from elsewhere: each to the candidate within 1 mm. An answer or a note replaces the one that is there. Returns how
     /// many belong to candidates.
-    ///
-    /// # Errors
-    /// As [`Reading::answer`].
-    pub(crate) fn merge(&mut self, answers: &Answers) -> Result<usize> {
-        let said = self.said.clone();
-        let count = self.take(answers);
-        let merged = std::mem::replace(&mut self.said, said);
-        let new = merged.into_iter().enumerate().filter(|(n, s)| self.said[*n] != *s).collect();
-        self.change(new, false)?;
-        Ok(count)
-    }
-
-    /// Takes answers over without storing them. Returns how many belong to candidates.
-    fn take(&mut self, answers: &Answers) -> usize {
+    pub(crate) fn merge(&mut self, answers: &[Answered]) -> usize {
         let mut count = 0;
-        for a in &answers.answers {
+        for a in answers {
             let near = |p: &DVec3| p.distance(a.position);
             let nearest = self.places.iter().enumerate().min_by(|a, b| near(a.1).total_cmp(&near(b.1)));
             let Some((n, _)) = nearest.filter(|n| near(n.1) <= SAME_MM) else {
@@ -242,41 +171,8 @@ impl Reading {
         count
     }
 
-    fn change(&mut self, new: Vec<(usize, Said)>, is_note: bool) -> Result<()> {
-        let mut before = Vec::new();
-        for (n, said) in new {
-            if self.said[n] != said {
-                before.push((n, std::mem::replace(&mut self.said[n], said)));
-            }
-        }
-        let goes_on = is_note
-            && self.is_writing
-            && self
-                .changes
-                .last()
-                .is_some_and(|c| c.is_note && c.before.iter().map(|b| b.0).eq(before.iter().map(|b| b.0)));
-        if !before.is_empty() && !goes_on {
-            self.made += 1;
-            self.is_writing = is_note;
-            self.changes.push(Change { before, is_note });
-            let more = self.changes.len().saturating_sub(UNDONE);
-            self.changes.drain(..more);
-        }
-        self.keep()
-    }
-
-    /// Stores the answers from now on, with those that were given until now, or not for the time being.
-    ///
-    /// # Errors
-    /// As [`Reading::answer`].
-    pub(super) fn keep_now(&mut self, keeps: bool) -> Result<()> {
-        self.is_held = !keeps;
-        if self.made > 0 { self.keep() } else { Ok(()) }
-    }
-
-    /// Stores all answers, in one piece.
-    fn keep(&self) -> Result<()> {
-        let Some(path) = self.file.as_ref().filter(|_| !self.is_held) else { return Ok(()) };
+    /// Returns all answers: those of candidates, and then those to other places.
+    pub(crate) fn answers(&self) -> Vec<Answered> {
         let own = self.places.iter().zip(&self.said).enumerate().filter(|(_, (_, s))| !s.is_empty());
         let own = own.map(|(n, (place, said))| Answered {
             rank: n + 1,
@@ -287,12 +183,7 @@ impl Reading {
         // The ranks of a file differ.
         let beyond = self.places.len() + 1;
         let others = self.others.iter().enumerate().map(|(n, o)| Answered { rank: beyond + n, ..o.clone() });
-        // Not the scan's name, which may identify the patient.
-        let scan = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-        if let Some(folder) = path.parent() {
-            output::make_folder(folder)?;
-        }
-        Answers { scan, answers: own.chain(others).collect() }.write(path)
+        own.chain(others).collect()
     }
 }
 
@@ -310,113 +201,64 @@ mod tests {
 
     #[test]
     fn candidates_follow_each_other_in_a_circle() {
-        let mut r = Reading::open(places(), None).0;
+        let mut r = Reading::open(places(), &[]);
         assert_eq!((r.current(), r.step(false)), (None, Some(2)));
         assert_eq!([r.step(true), r.step(true), r.step(false)], [Some(0), Some(1), Some(0)]);
         assert_eq!((r.select(2), r.select(3), r.current()), (Some(2), None, Some(2)));
-        let mut none = Reading::open(Vec::new(), None).0;
+        let mut none = Reading::open(Vec::new(), &[]);
         assert_eq!((none.step(true), none.step(false)), (None, None));
-        none.answer(Answer::Yes).unwrap();
-        assert!(!none.may_undo());
+        none.answer(Answer::Yes);
+        assert!(none.answers().is_empty());
     }
 
     #[test]
     fn a_reading_follows_the_list_as_it_is_shown() {
-        let mut r = Reading::open(places(), None).0;
+        let mut r = Reading::open(places(), &[]);
         let sizes = [4.0, 12.0, 7.0];
         r.know(sizes.map(|mm| Facts { along: None, diameter_mm: Some(mm) }).to_vec());
         r.show(Showing { least_mm: 6, ..Showing::default() });
         assert_eq!([r.step(true), r.step(true), r.step(true), r.step(false)], [Some(1), Some(2), Some(1), Some(2)]);
         r.show(Showing { hides_answered: true, ..r.showing() });
-        r.answer(Answer::No).unwrap();
+        let before = [r.all().to_vec()];
+        r.answer(Answer::No);
         assert_eq!(r.shown(), [1, 2], "the one that is looked at stays");
         assert_eq!((r.step_to_open(), r.shown()), (Some(1), vec![1]));
-        r.answer(Answer::Yes).unwrap();
+        let before = [&before[..], &[r.all().to_vec()]].concat();
+        r.answer(Answer::Yes);
         assert_eq!((r.step_to_open(), r.answered(), r.count()), (None, 2, 3));
         // What is undone is gone back to.
         r.select(0);
-        assert_eq!((r.undo().unwrap(), r.current()), (Some(1), Some(1)));
-        assert_eq!((r.undo().unwrap(), r.current()), (Some(2), Some(2)));
+        assert_eq!((r.restore(before[1].clone()), r.current()), (Some(1), Some(1)));
+        assert_eq!((r.restore(before[0].clone()), r.current()), (Some(2), Some(2)));
         assert_eq!(r.step_to_open(), Some(1));
     }
 
     #[test]
-    fn answers_and_notes_survive_and_are_undone() {
-        let dir = tempfile::tempdir().unwrap();
-        let file = dir.path().join("answers").join("00ff.json");
-        let (mut r, e) = Reading::open(places(), Some(file.clone()));
-        assert!(e.is_none());
-        r.answer(Answer::Yes).unwrap();
-        assert!(!file.exists(), "no candidate is looked at");
-        r.select(1);
-        r.answer(Answer::Yes).unwrap();
-        r.answer(Answer::No).unwrap();
-        for note in ["a", "a fo", "a fold"] {
-            r.note(1, note.to_owned()).unwrap();
-        }
-        r.note(9, "nowhere".to_owned()).unwrap();
-        let again = Reading::open(places(), Some(file.clone())).0;
-        assert_eq!(again.said, r.said);
-        assert_eq!((again.said(1).unwrap().note.as_str(), again.answered()), ("a fold", 1));
-        // A note is one change, however many letters it has.
-        assert_eq!(r.undo().unwrap(), Some(1));
-        assert_eq!(*r.said(1).unwrap(), Said { answer: Some(Answer::No), note: String::new() });
-        r.undo().unwrap();
-        assert_eq!(r.said(1).unwrap().answer, Some(Answer::Yes));
-        r.undo().unwrap();
-        assert!(!r.may_undo() && r.undo().unwrap().is_none());
-        assert_eq!(Reading::open(places(), Some(file.clone())).0.answered(), 0, "what was undone is stored too");
-        assert_eq!(Answers::read(&file).unwrap().scan, "00ff");
-    }
-
-    #[test]
     fn answers_from_elsewhere_belong_to_places() {
-        let dir = tempfile::tempdir().unwrap();
-        let file = dir.path().join("a.json");
-        let mut r = Reading::open(places(), Some(file.clone())).0;
+        let mut r = Reading::open(places(), &[]);
         r.select(0);
-        r.answer(Answer::No).unwrap();
-        r.note(2, "mine".to_owned()).unwrap();
-        let more = Answers {
-            scan: "other.nii".to_owned(),
-            answers: vec![
-                answered(7, 0.9, Some(Answer::Yes), ""),
-                answered(3, 20.5, None, "theirs"),
-                answered(2, 15.0, Some(Answer::Unsure), "not in the list"),
-            ],
-        };
-        assert_eq!(r.merge(&more).unwrap(), 2);
+        r.answer(Answer::No);
+        r.note(2, "mine".to_owned());
+        let before = r.all().to_vec();
+        let more = vec![
+            answered(7, 0.9, Some(Answer::Yes), ""),
+            answered(3, 20.5, None, "theirs"),
+            answered(2, 15.0, Some(Answer::Unsure), "not in the list"),
+        ];
+        assert_eq!(r.merge(&more), 2);
         let said = |r: &Reading, n: usize| r.said(n).cloned().unwrap();
         assert_eq!(said(&r, 0).answer, Some(Answer::Yes));
         assert_eq!(said(&r, 2), Said { answer: None, note: "theirs".to_owned() });
-        // What belongs to no candidate is stored too, once.
-        r.merge(&more).unwrap();
-        let kept = Answers::read(&file).unwrap();
-        assert_eq!(kept.answers.iter().map(|a| a.rank).collect::<Vec<_>>(), [1, 3, 4]);
-        assert_eq!(kept.answers[2].note, "not in the list");
+        // What belongs to no candidate is kept too, once.
+        r.merge(&more);
+        let kept = r.answers();
+        assert_eq!(kept.iter().map(|a| a.rank).collect::<Vec<_>>(), [1, 3, 4]);
+        assert_eq!(kept[2].note, "not in the list");
         // With a longer list it has its candidate.
         let more = [places(), vec![DVec3::new(15.2, -5.0, 1.5)]].concat();
-        assert_eq!(Reading::open(more, Some(file)).0.said(3).unwrap().answer, Some(Answer::Unsure));
+        assert_eq!(Reading::open(more, &kept).said(3).unwrap().answer, Some(Answer::Unsure));
         // All of a merge is undone at once.
-        r.undo().unwrap();
+        assert_eq!(r.restore(before), None);
         assert_eq!((said(&r, 0).answer, said(&r, 2).note.as_str()), (Some(Answer::No), "mine"));
-    }
-
-    #[test]
-    fn what_is_damaged_is_left_and_what_cannot_be_stored_is_told() {
-        let dir = tempfile::tempdir().unwrap();
-        let file = dir.path().join("a.json");
-        std::fs::write(&file, "{\"colvis\": \"answers\"").unwrap();
-        let (mut r, e) = Reading::open(places(), Some(file.clone()));
-        assert!(!e.unwrap().to_string().contains('\n'));
-        r.select(0);
-        r.answer(Answer::Yes).unwrap();
-        assert_eq!(r.answered(), 1);
-        assert_eq!(std::fs::read_to_string(&file).unwrap(), "{\"colvis\": \"answers\"");
-        // The folder is a file.
-        let (mut r, _) = Reading::open(places(), Some(file.join("b.json")));
-        r.select(0);
-        assert_eq!(r.answer(Answer::Yes).unwrap_err().kind as i32, 5);
-        assert_eq!(r.answered(), 1);
     }
 }

@@ -8,7 +8,9 @@ use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scan, Scene};
 use crate::host::window::contract::WindowView;
 use crate::host::window::controller::FlightController;
 use crate::host::window::controller::tests::{cockpit_of, perform, trace, wish};
+use crate::host::window::document::Document;
 use crate::host::window::intent::{Intent, SliceInput};
+use crate::host::window::session::ScanFiles;
 use crate::phantom::PhantomSettings;
 use crate::polyps::answers::Answered;
 use crate::progress::Progress;
@@ -40,9 +42,10 @@ fn until(c: &mut FlightController, wanted: impl Fn(&Assistant) -> bool) {
 #[ignore = "slow: candidates of a phantom"]
 fn candidates_are_found_visited_and_answered_and_answers_survive() {
     let dir = tempfile::tempdir().unwrap();
-    let (file, now) = (dir.path().join("answers").join("a.json"), Instant::now());
+    let (files, now) = (ScanFiles::below(dir.path(), "a.json"), Instant::now());
+    let file = files.findings.clone().unwrap();
     let mut c = flown(true);
-    c.set_answers_file(Some(file.clone()));
+    c.set_document(Document::open(&files).0);
     c.advance(now).unwrap();
     assert!(c.assistant().is_none() && !file.exists(), "nobody has asked");
     perform(&mut c, "candidate-next", now);
@@ -103,7 +106,7 @@ fn candidates_are_found_visited_and_answered_and_answers_survive() {
     assert_eq!(c.assistant().unwrap().reading().answered(), 2);
     // Another window of the same scan has them.
     let mut c = flown(true);
-    c.set_answers_file(Some(file));
+    c.set_document(Document::open(&files).0);
     wish(&mut c, Intent::Search, now);
     until(&mut c, |a| a.found().is_some());
     assert_eq!(c.assistant().unwrap().reading().answered(), 2);

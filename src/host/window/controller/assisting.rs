@@ -1,6 +1,6 @@
 //! The assistant in a flight: its candidates are flown to, answered, and lesions measured at a click.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -37,40 +37,18 @@ impl FlightController {
         self.detector = detector;
     }
 
-    /// Sets the file of the answers to this scan's candidates.
-    pub(crate) fn set_answers_file(&mut self, file: Option<PathBuf>) {
-        self.answers_file = file;
-    }
-
-    /// Keeps what is made from now on, with what was made until now, or nothing for the time being.
-    ///
-    /// # Errors
-    /// Returns status 5 if something cannot be stored; the rest is.
-    pub(crate) fn keep_files(&mut self, keeps: bool) -> crate::error::Result<()> {
-        self.keeps = keeps;
-        if keeps {
-            self.unkept = None;
-        }
-        let answers = self.assistant.as_mut().map_or(Ok(()), |a| a.keep_now(keeps));
-        self.measures.keep_now(keeps).and(self.kinds.keep_now(keeps)).and(answers)
-    }
-
-    /// Tells why what is made is not kept, in a sentence.
-    pub(crate) fn set_unkept(&mut self, why: impl Into<String>) {
-        self.unkept = Some(why.into());
-    }
-
-    /// True if something was made that is not kept.
-    pub(crate) fn has_unkept(&self) -> bool {
-        let answers = self.assistant.as_ref().map_or(0, |a| a.reading().changes_made());
-        !self.keeps && self.measures.changes_made() + self.kinds.changes_made() + answers > 0
-    }
-
     /// Lets the assistant go on.
     pub(super) fn take_found(&mut self, now: Instant) {
         let Some(assistant) = &mut self.assistant else { return };
-        if assistant.advance(&self.flight, &self.cleansing, &self.background, now) {
+        let had_list = assistant.found().is_some();
+        let answers = &self.document.found().answers;
+        if assistant.advance(&self.flight, &self.cleansing, &self.background, answers, now) {
             self.attention = true;
+        }
+        if !had_list && assistant.found().is_some() {
+            self.document.begin_list(assistant.reading());
+            assistant.load_wanted();
+            self.note_changes(now);
         }
     }
 
@@ -88,13 +66,8 @@ impl FlightController {
 
     /// Returns the assistant, which begins to search if it was not asked for yet.
     pub(super) fn asked_assistant(&mut self, now: Instant) -> &mut Assistant {
-        let (file, detector, keeps) = (&self.answers_file, self.detector, self.keeps);
-        self.assistant.get_or_insert_with(|| {
-            let mut made = Box::new(Assistant::new(detector, file.clone(), now));
-            // Nothing was said yet.
-            _ = made.keep_now(keeps);
-            made
-        })
+        let detector = self.detector;
+        self.assistant.get_or_insert_with(|| Box::new(Assistant::new(detector, now)))
     }
 
     /// Shows a candidate, by its number from 0.
@@ -118,8 +91,8 @@ impl FlightController {
     pub(super) fn answer(&mut self, answer: Answer, now: Instant) {
         let assistant = self.asked_assistant(now);
         let Some(n) = assistant.reading().current() else { return self.say("no candidate is chosen", now) };
-        let kept = assistant.reading_mut().answer(answer);
-        assistant.report(kept);
+        assistant.reading_mut().answer(answer);
+        assistant.tell(String::new());
         let undo = self.actions.hint("undo", "undoes it");
         self.move_on(format!("candidate {}: {}{undo}", n + 1, answer_text(answer)), now);
     }
@@ -140,7 +113,7 @@ impl FlightController {
     /// Adds a file of answers, which begins the search for what they belong to.
     pub(crate) fn load_answers(&mut self, path: &Path, now: Instant) {
         self.asked_assistant(now).load(path);
-        self.note_changes();
+        self.note_changes(now);
         self.attention = true;
         if let Some(told) = self.assistant().map(|a| a.told().to_owned()) {
             self.say(told, now);

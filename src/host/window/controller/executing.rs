@@ -64,14 +64,8 @@ impl FlightController {
             I::SlabKind => self.slices.next_slab_kind(),
             I::ResetSlices => self.slices.reset(&mut self.flight),
             I::Measure => self.switch_measuring(now),
-            I::DeleteMeasure(n) => {
-                let kept = self.measures.delete(n);
-                self.report_kept(kept, now);
-            }
-            I::DeleteLast => {
-                let kept = self.measures.delete_last();
-                self.report_kept(kept, now);
-            }
+            I::DeleteMeasure(n) => self.measures.delete(n),
+            I::DeleteLast => self.measures.delete_last(),
             I::Undo => self.undo(now),
             I::Search => self.asked_assistant(now).retry(now),
             I::CancelSearch => self.asked_assistant(now).cancel(),
@@ -81,8 +75,8 @@ impl FlightController {
             I::Answer(answer) => self.answer(answer, now),
             I::Note(n, note) => {
                 let assistant = self.asked_assistant(now);
-                let kept = assistant.reading_mut().note(n, note);
-                assistant.report(kept);
+                assistant.reading_mut().note(n, note);
+                assistant.tell(String::new());
             }
             I::UndoAnswer => self.undo_answer(now),
             I::Mark => {
@@ -121,7 +115,7 @@ impl FlightController {
             | I::Cancel
             | I::Quit => return Some(intent),
         }
-        self.note_changes();
+        self.note_changes(now);
         self.attention = true;
         self.figures.touch();
         left
@@ -150,6 +144,7 @@ impl FlightController {
             I::NextMissed => self.may_see_missed(),
             // A replayed log knows no tour.
             I::Review => self.may_fly_itself().and_then(|()| self.may_see_missed()),
+            I::UndoAnswer if !self.document.may_undo_answers() => Err("no answer was changed".into()),
             I::Own(n) => self.own.why_not(*n, &self.flight).map_or(Ok(()), Err),
             _ => Ok(()),
         }

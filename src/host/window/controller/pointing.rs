@@ -9,9 +9,7 @@ use crate::components::camera::Pose;
 use crate::components::input::{FlightCommand, HandCommand};
 use crate::components::output::Picture;
 use crate::components::slices::Orientation;
-use crate::error::Result;
 use crate::host::window::intent::{Intent, SliceInput};
-use crate::host::window::measures::Measures;
 use crate::host::window::travel::Travel;
 use crate::space::first_crossing;
 
@@ -82,13 +80,11 @@ impl FlightController {
     }
 
     #[cfg(test)]
-    pub(crate) fn measures_mut(&mut self) -> &mut Measures {
-        &mut self.measures
-    }
-
-    /// Restores the measures from the last time that this scan was open.
-    pub(crate) fn set_measures(&mut self, measures: Measures) {
-        self.measures = measures;
+    pub(crate) fn measure_between(&mut self, from: DVec3, to: DVec3) {
+        for at in [from, to] {
+            self.measures.click(at);
+        }
+        self.note_changes(Instant::now());
     }
 
     /// Switches measuring by clicks on or off.
@@ -104,19 +100,12 @@ impl FlightController {
     fn measure(&mut self, place: DVec3, now: Instant) {
         self.attention = true;
         self.slices.point(&self.flight, place);
-        let clicked = self.measures.click(place);
-        self.note_changes();
-        match clicked {
-            Ok(Some(made)) => self.say(made.text(), now),
-            Ok(None) => self.note_begun(),
-            Err(e) => self.report_kept(Err(e), now),
-        }
-    }
-
-    /// Reports that a measure could not be saved and is kept for this session only.
-    pub(super) fn report_kept(&mut self, kept: Result<()>, now: Instant) {
-        if let Err(e) = kept {
-            self.say(format!("not saved: {}: {}", e.what, e.why), now);
+        match self.measures.click(place) {
+            Some(made) => {
+                self.say(made.text(), now);
+                self.note_changes(now);
+            }
+            None => self.document.note_begun(),
         }
     }
 

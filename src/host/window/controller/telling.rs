@@ -1,6 +1,5 @@
 //! The kinds of gas in a flight: shown, clicked on, and changed by the reader.
 
-use std::path::PathBuf;
 use std::time::Instant;
 
 use glam::DVec3;
@@ -12,11 +11,6 @@ use crate::fields::lumen::GasKind;
 use crate::host::window::kinds::{Found, name};
 
 impl FlightController {
-    /// Sets the file of the kinds that the reader gives.
-    pub(crate) fn set_kinds_file(&mut self, file: Option<PathBuf>) {
-        self.kinds.keep_in(file);
-    }
-
     /// Shows or hides the kinds of gas in the slices.
     pub(crate) fn show_kinds(&mut self, shown: bool, now: Instant) {
         self.kinds.show(shown, &self.flight, &self.background, now);
@@ -29,7 +23,7 @@ impl FlightController {
         self.say(told, now);
     }
 
-    fn colour_slices(&mut self) {
+    pub(super) fn colour_slices(&mut self) {
         self.slices.tint(self.kinds.tint());
         self.quiet = 0;
         self.attention = true;
@@ -48,24 +42,13 @@ impl FlightController {
 
     /// Gives a kind to the chosen body of gas, or takes back what was given.
     pub(crate) fn tell_kind(&mut self, kind: Option<GasKind>, now: Instant) {
-        let told = self.kinds.tell(kind, &self.flight, &self.background, now);
-        self.note_changes();
-        match told {
-            Ok(false) => self.say("it has that kind already", now),
-            told => {
-                let what = kind.map_or("as it was judged", name);
-                self.say(format!("{what}: finding the lumen anew ..."), now);
-                self.report_kept(told.map(drop), now);
-            }
+        if self.kinds.tell(kind, &self.flight, &self.background, now) {
+            let what = kind.map_or("as it was judged", name);
+            self.say(format!("{what}: finding the lumen anew ..."), now);
+            self.note_changes(now);
+        } else {
+            self.say("it has that kind already", now);
         }
-        self.colour_slices();
-    }
-
-    /// Undoes the last kind that the reader gave.
-    pub(super) fn undo_kind(&mut self, now: Instant) {
-        self.say("kind undone: finding the lumen anew ...", now);
-        let kept = self.kinds.undo(&self.flight, &self.background, now);
-        self.report_kept(kept, now);
         self.colour_slices();
     }
 

@@ -1,4 +1,3 @@
-use std::path::Path;
 use std::thread;
 use std::time::Duration;
 
@@ -9,7 +8,10 @@ use crate::host::window::assistant::Said;
 use crate::host::window::contract::WindowView;
 use crate::host::window::controller::FlightController;
 use crate::host::window::controller::tests::{cockpit_of, perform, trace, wish};
+use crate::host::window::document::Document;
+use crate::host::window::findings::{self, Findings};
 use crate::host::window::intent::{Intent, SliceInput};
+use crate::host::window::session::ScanFiles;
 use crate::math::hash;
 use crate::phantom::PhantomSettings;
 use crate::polyps::answers::Answer;
@@ -34,6 +36,11 @@ fn flown(scan: &mut Scan) -> FlightController {
     let image = ImageSettings { width: 32, height: 24, settings, ..ImageSettings::default() };
     let scene = Scene { picture: true, image, operator: true, ..Scene::guided_by("manual") };
     cockpit_of(scan.flight(scene, &FlightRequest::default()).unwrap(), 0.0, Vec::new())
+}
+
+/// Returns the kinds that are stored.
+fn kept(files: &ScanFiles) -> Vec<Told> {
+    findings::read(files).unwrap().kinds.unwrap()
 }
 
 fn until_found(c: &mut FlightController, now: Instant) {
@@ -75,38 +82,39 @@ fn is_like([r, g, b]: [u8; 3], kind: GasKind) -> bool {
 #[test]
 fn what_another_window_told_meanwhile_stays() {
     let (mut scan, now, dir) = (scan(), Instant::now(), tempfile::tempdir().unwrap());
-    let file = dir.path().join("kinds.json");
+    let files = ScanFiles::below(dir.path(), "a.json");
+    let file = files.findings.clone().unwrap();
     let mut c = flown(&mut scan);
     c.show_kinds(true, now);
     until_found(&mut c, now);
     let place = no_colon(&c).0;
     let mut c = flown(&mut scan);
-    told::keep(&file, &[(place, GasKind::Colon)]).unwrap();
-    let meanwhile = told::read(&file).unwrap();
-    c.set_kinds_file(Some(file.clone()));
+    let kinds = Some(vec![(place, GasKind::Colon)]);
+    findings::keep(&file, &Findings { kinds, ..Findings::default() }).unwrap();
+    let meanwhile = kept(&files);
+    c.set_document(Document::open(&files).0);
     c.show_kinds(true, now);
     until_found(&mut c, now);
     assert!(c.flight().setup().lumen.segment_at(place).is_some(), "it counts");
     let here = c.flight().pose().position;
     c.slice(SliceInput::Click(here), now);
     perform(&mut c, "kind-colon", now);
-    let kept = told::read(&file).unwrap();
+    let kept = kept(&files);
     assert!(kept.len() == 2 && kept.contains(&meanwhile[0]), "{kept:?}");
     // A damaged file, or none, changes nothing.
     std::fs::write(&file, "damaged").unwrap();
-    for file in [file, dir.path().join("none.json")] {
-        let mut kinds = Kinds::new(meanwhile.clone(), now);
-        kinds.keep_in(Some(file));
-        assert_eq!(kinds.told, meanwhile);
+    for name in ["a.json", "none.json"] {
+        c.set_document(Document::open(&ScanFiles::below(dir.path(), name)).0);
+        assert_eq!(c.kinds().told(), kept);
     }
 }
 
 #[test]
 fn gas_has_the_colour_of_its_kind_and_the_reader_changes_it() {
     let (mut scan, now, dir) = (scan(), Instant::now(), tempfile::tempdir().unwrap());
-    let file = dir.path().join("kinds.json");
+    let files = ScanFiles::below(dir.path(), "a.json");
     let mut c = flown(&mut scan);
-    c.set_kinds_file(Some(file.clone()));
+    c.set_document(Document::open(&files).0);
     let colon = c.flight().pose().position;
     // Nothing is found and coloured before somebody asks.
     c.advance(now).unwrap();
@@ -129,7 +137,7 @@ fn gas_has_the_colour_of_its_kind_and_the_reader_changes_it() {
     let segments = c.flight().setup().lumen.segments.len();
     let pose = c.flight().pose();
     perform(&mut c, "kind-colon", now);
-    assert_eq!(told::read(&file).unwrap().len(), 1);
+    assert_eq!(kept(&files).len(), 1);
     until_found(&mut c, now);
     assert_eq!(c.flight().pose(), pose, "the flight goes on");
     assert!(is_like(pixel(&mut c, place, now), GasKind::Colon));
@@ -138,7 +146,7 @@ fn gas_has_the_colour_of_its_kind_and_the_reader_changes_it() {
     let after = c.kinds().volumes().unwrap();
     assert!(after[0] > before[0] && after[kind.number()] < before[kind.number()]);
     // Opened again, the scan has that kind from the first.
-    scan.tell(told::read(&file).unwrap());
+    scan.tell(kept(&files));
     let again = flown(&mut scan);
     // A file keeps a place to the last digit but one.
     let [a, b] = [&again, &c].map(|c| c.flight().setup().told[0]);
@@ -149,7 +157,7 @@ fn gas_has_the_colour_of_its_kind_and_the_reader_changes_it() {
     until_found(&mut c, now);
     assert!(is_like(pixel(&mut c, place, now), kind));
     assert_eq!(c.flight().setup().lumen.segments.len(), segments);
-    assert!(told::read(&file).unwrap().is_empty() && c.flight().setup().told.is_empty());
+    assert!(kept(&files).is_empty() && c.flight().setup().told.is_empty());
     // Hidden, the slices are grey.
     c.show_kinds(false, now);
     let [r, g, b] = pixel(&mut c, place, now);
@@ -183,9 +191,11 @@ fn gas_that_was_flown_and_is_no_colon_is_left() {
 
 #[test]
 fn what_cannot_be_stored_is_told_all_the_same() {
-    let (mut scan, now) = (scan(), Instant::now());
+    let (mut scan, now, dir) = (scan(), Instant::now(), tempfile::tempdir().unwrap());
     let mut c = flown(&mut scan);
-    c.set_kinds_file(Some(Path::new("/dev/null/kinds.json").to_owned()));
+    // A file where the folder would be.
+    std::fs::write(dir.path().join("findings"), "").unwrap();
+    c.set_document(Document::open(&ScanFiles::below(dir.path(), "a.json")).0);
     c.show_kinds(true, now);
     until_found(&mut c, now);
     let (place, _) = no_colon(&c);

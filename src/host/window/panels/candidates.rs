@@ -156,6 +156,7 @@ impl CandidatesPanel {
         let at = current.map_or_else(|| format!("{all} candidates"), |n| format!("candidate {} of {all}", n + 1));
         ui.label(format!("{at}, {} answered", reading.answered()));
         let said = current.and_then(|n| reading.said(n));
+        let may_undo = context.view.why_not(&Intent::UndoAnswer).is_none();
         ui.horizontal_wrapped(|ui| {
             for (answer, name) in [(Answer::Yes, "Yes"), (Answer::No, "No"), (Answer::Unsure, "Unsure")] {
                 let action = context.actions.named(&format!("candidate-{}", name.to_lowercase()));
@@ -165,7 +166,7 @@ impl CandidatesPanel {
                     requests.ask(Intent::Answer(answer));
                 }
             }
-            if ui.add_enabled(reading.may_undo(), egui::Button::new("Undo")).clicked() {
+            if ui.add_enabled(may_undo, egui::Button::new("Undo")).clicked() {
                 requests.ask(Intent::UndoAnswer);
             }
         });
