@@ -1,10 +1,10 @@
 //! The window's event loop: receives the system's events and shows pictures.
 
+mod open_scan;
 mod opening;
 mod photograph;
 mod unflown;
 
-use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -17,39 +17,37 @@ use winit::keyboard::{Key, ModifiersState};
 use winit::window::{Fullscreen, Window, WindowId};
 
 use super::action::{Action, Actions};
-use super::assistant::Assistant;
 use super::background::Background;
-use super::contract::{Context, Requests, WindowView, refuse_action, scan_name};
+use super::contract::{Context, Requests, WindowView, refuse_action};
 use super::controller::FlightController;
 use super::framebuffer::{Framebuffer, Places};
 use super::intent::{ActionContext, Intent};
 use super::interface::{Interface, WindowSize};
 use super::keeping::{self, Keeping};
 use super::keys::HeldKeys;
-use super::loading::{Loading, Prepare, Ready, Unflown};
+use super::loading::Ready;
 use super::overlay::{self, Content};
 use super::own_action::OwnActions;
 use super::panels::open::FileList;
 use super::photograph::Views;
 use super::placement::Placement;
-use super::present_timer::PresentTimer;
 use super::printed::Printed;
 use super::recent::Recent;
 use super::settings;
 use super::sheet::{self, Sheet};
 use super::stroke::{Pressed, Stroke};
 use super::workspace::Workspace;
-use super::{Asked, Finish, Launch, Opening, Resume, Shown};
+use super::{Asked, Launch, Opening, Resume};
 use crate::app::Overlay;
 use crate::components::slices::Orientation;
-use crate::error::{Error, Result, program_name};
+use crate::error::{Error, Result};
 use crate::host::log::Log;
 use crate::output;
 use crate::panics;
 use crate::polyps::Detector;
-use crate::progress::Progress;
 use crate::render::ImageSize;
 use crate::render::adaptive::FRAME;
+use open_scan::{OpenScan, Stage};
 
 /// Time between two pictures while loading.
 const LOADING: Duration = Duration::from_millis(60);
@@ -69,22 +67,13 @@ pub(crate) enum Wake {
     Interrupted,
 }
 
-enum Stage {
-    Loading(Loading),
-    Failed(Error),
-    Flying(Box<FlightController>),
-    /// Nothing is shown any more.
-    Over,
-}
-
 /// The program as an application of the event loop.
 pub(crate) struct Shell {
-    stage: Stage,
+    /// The scan that is open or being opened.
+    scan: OpenScan,
     window: Option<Rc<Window>>,
     /// The window's pixels, until a flight presents its pictures there.
     framebuffer: Option<Framebuffer>,
-    /// The content and window size of the last layout. A new layout is needed if they differ.
-    laid_out: Option<(Content, WindowSize)>,
     laid_out_at: Option<Instant>,
     /// Number of layouts in a row in which something has panicked.
     panicked: u32,
@@ -96,18 +85,8 @@ pub(crate) struct Shell {
     workspace: Workspace,
     /// What covers the window.
     sheet: Option<Sheet>,
-    /// Set while a scan is shown that cannot be flown.
-    unflown: Option<Unflown>,
     /// The number of the layout that was left to show its slices.
     layout_before: Option<usize>,
-    /// Rectangle of the flight's picture in the window, pixels: left, top, width, height.
-    flight_at: [usize; 4],
-    /// The same for the slices.
-    slices_at: Vec<(Orientation, [usize; 4])>,
-    /// Both, in points.
-    views: Views,
-    /// Serial number of the displayed layout.
-    painted: Option<u64>,
     /// True if the latest layout is over the picture.
     settled: bool,
     /// Earliest time of the next picture.
@@ -119,31 +98,16 @@ pub(crate) struct Shell {
     modifiers: ModifiersState,
     /// The keys that are held.
     pressed: Pressed,
-    log_path: Option<PathBuf>,
-    log: Option<Log>,
-    seconds: Option<f64>,
     size: Option<ImageSize>,
     placement: Placement,
-    resume: Resume,
-    /// What is kept of the open scan.
-    keeping: Option<Keeping>,
     /// That of the scan that was closed last, until the next one is open: it may be the same.
     left: Option<Keeping>,
-    finish: Option<Finish>,
-    /// The scan that is open or being opened; `None` for the embedded phantom.
-    opening: Option<PathBuf>,
-    /// The number of the series that was asked for.
-    series: Option<usize>,
     open: Box<dyn Fn(Asked) -> Result<Opening>>,
-    /// True if this is the scan that the window was opened with.
-    is_first: bool,
     recent: Recent,
     /// Shown in a window whose scan could not be opened.
     file_list: FileList,
     proxy: EventLoopProxy<Wake>,
-    progress: Arc<Progress>,
     background: Background,
-    presented: PresentTimer,
     overlays: Vec<Overlay>,
     detector: Detector,
     actions: Rc<Actions>,
@@ -164,34 +128,23 @@ impl Shell {
     pub(crate) fn new(launch: Launch, proxy: EventLoopProxy<Wake>) -> Result<Self> {
         let (actions, unsettled) = super::actions(&launch.guides, &launch.overlays, &launch.panels, &launch.actions)?;
         let (workspace, unread) = Workspace::new(&launch.panels, launch.layout.as_deref(), Workspace::usual_file());
-        for e in unsettled.iter().chain(&unread) {
-            output::to_stderr(format_args!("note: {e}"));
-        }
-        let unsettled = unsettled.or(unread);
         let (recent, unlisted) = Recent::open(Recent::usual_file());
-        if let Some(e) = &unlisted {
-            output::to_stderr(format_args!("note: {e}"));
-        }
-        let unsettled = unsettled.or(unlisted);
         let (placement, unplaced) = Placement::open(Placement::usual_file());
-        if let Some(e) = &unplaced {
+        let damaged: Vec<Error> = [unsettled, unread, unlisted, unplaced].into_iter().flatten().collect();
+        for e in &damaged {
             output::to_stderr(format_args!("note: {e}"));
         }
-        let unsettled = unsettled.or(unplaced);
-        let first = launch.first;
-        // Closing a scan while it loads cancels the loading, not the program.
-        let progress = Arc::new(Progress::new());
-        let loading = load(first.prepare, &progress, &proxy)?;
+        let unsettled = damaged.into_iter().next();
+        let scan = OpenScan::load(launch.first, true, &proxy)?;
         let waker = proxy.clone();
         let background = Background::new(Arc::new(move || {
             // The window may be closed, and then nothing has to be woken.
             let _ = waker.send_event(Wake::JobDone);
         }));
         Ok(Self {
-            stage: Stage::Loading(loading),
+            scan,
             window: None,
             framebuffer: None,
-            laid_out: None,
             laid_out_at: None,
             panicked: 0,
             interface: Interface::new(),
@@ -199,37 +152,21 @@ impl Shell {
             touched: false,
             workspace,
             sheet: None,
-            unflown: None,
             layout_before: None,
-            flight_at: [0; 4],
-            slices_at: Vec::new(),
-            views: Views::default(),
-            painted: None,
             settled: true,
             due: Instant::now(),
             beat: Instant::now(),
             asked: false,
             modifiers: ModifiersState::empty(),
             pressed: Pressed::default(),
-            log_path: first.log,
-            log: None,
-            seconds: first.seconds,
             size: launch.size,
             placement,
-            resume: first.resume,
-            opening: first.input,
-            series: first.series,
             open: launch.open,
-            is_first: true,
             recent,
             file_list: FileList::default(),
             proxy,
-            keeping: None,
             left: None,
-            finish: Some(first.finish),
-            progress,
             background,
-            presented: PresentTimer::default(),
             overlays: launch.overlays,
             detector: launch.detector,
             actions: Rc::new(actions),
@@ -249,13 +186,7 @@ impl Shell {
         if let Err(e) = self.workspace.keep() {
             output::to_stderr(format_args!("note: the layout was not saved: {e}"));
         }
-        let unopened = match &self.stage {
-            // Errors of scans opened in the window were shown there.
-            Stage::Failed(e) if self.is_first => Err(e.clone()),
-            Stage::Loading(_) if self.is_first => Err(Error::cancelled("loading")),
-            Stage::Failed(_) | Stage::Loading(_) | Stage::Over => Ok(()),
-            Stage::Flying(_) => self.as_unflown(),
-        };
+        let unopened = self.scan.unopened();
         let closed = self.close();
         // Last, since it asks the window system, which may have gone.
         self.keep_placement();
@@ -291,45 +222,9 @@ impl Shell {
     /// # Errors
     /// Returns the first error.
     fn close(&mut self) -> Result<()> {
-        let stage = std::mem::replace(&mut self.stage, Stage::Over);
-        match stage {
-            Stage::Flying(mut controller) => {
-                controller.save_the_rest();
-                self.framebuffer = controller.flight_mut().views().take_presenter();
-                self.left = self.keeping.take();
-                if self.unflown.take().is_some() {
-                    return Ok(());
-                }
-                let flight = controller.flight();
-                let logged = self.log.take().map_or(Ok(()), |l| l.finish(flight.flight().state));
-                if let Some(keeping) = &self.left {
-                    keeping.close(flight);
-                }
-                let shown = Shown {
-                    present_ms: self.presented.summary(),
-                    moving: controller.moving(),
-                    cleansing: controller.cleansing().took(),
-                    assistant: controller.assistant().and_then(Assistant::took),
-                };
-                let finished = self.finish.take().map_or(Ok(()), |f| f(flight, controller.frames(), &shown));
-                logged.and(finished)
-            }
-            // Closed while loading: the worker stops without leaving anything behind.
-            Stage::Loading(_) | Stage::Failed(_) | Stage::Over => {
-                self.progress.cancel();
-                Ok(())
-            }
-        }
-    }
-
-    /// Returns the title of the window: the scan, and the program.
-    fn title(&self) -> String {
-        let program = match program_name() {
-            "colvis" => "colvis".to_owned(),
-            // Another program's window is known by the engine's name, too.
-            own => format!("{own} (colvis)"),
-        };
-        format!("{} - {program}", scan_name(self.opening.as_deref().map(|path| (path, self.series))))
+        let closed = self.scan.close(&mut self.framebuffer);
+        self.left = self.scan.keeping.take().or(self.left.take());
+        closed
     }
 
     fn fail(&mut self, e: Error, events: &ActiveEventLoop) {
@@ -340,8 +235,8 @@ impl Shell {
     }
 
     fn quit(&mut self, events: &ActiveEventLoop) {
-        if matches!(self.stage, Stage::Loading(_)) {
-            self.progress.cancel();
+        if matches!(self.scan.stage, Stage::Loading(_)) {
+            self.scan.progress.cancel();
         }
         events.exit();
     }
@@ -359,42 +254,42 @@ impl Shell {
 
     /// Returns the context of an action: the size of the flight's picture, at time `now`.
     fn moment(&self, now: Instant) -> ActionContext {
-        ActionContext { window: ImageSize::new(self.flight_at[2], self.flight_at[3]), now }
+        ActionContext { window: ImageSize::new(self.scan.placed.flight_at[2], self.scan.placed.flight_at[3]), now }
     }
 
     /// Handles the end of loading: starts the flight, or shows the error.
     fn take_off(&mut self) -> Result<()> {
-        let Stage::Loading(loading) = &mut self.stage else { return Ok(()) };
+        let Stage::Loading(loading) = &mut self.scan.stage else { return Ok(()) };
         // The wake-up may come from an earlier loading that was cancelled for this one.
         let Some(loaded) = loading.take() else { return Ok(()) };
-        self.stage = Stage::Over;
+        self.scan.stage = Stage::Over;
         // It was held while the same scan was opened in another way.
         self.left = None;
         let Ready { mut flight, session, mut notes, unflown, is_whole, is_anew } = match loaded {
             Ok(ready) => ready,
-            Err(e) if self.progress.is_cancelled() => return Err(e),
+            Err(e) if self.scan.progress.is_cancelled() => return Err(e),
             Err(e) => {
-                self.stage = Stage::Failed(e);
+                self.scan.stage = Stage::Failed(e);
                 return Ok(());
             }
         };
         if unflown.is_none() {
-            self.log = self.log_path.as_deref().map(Log::create).transpose()?;
+            self.scan.log = self.scan.log_path.as_deref().map(Log::create).transpose()?;
         }
         let is_guided = flight.setup().scene.guide().is_some();
-        if is_anew && self.resume == Resume::Everything {
-            self.resume = Resume::Nothing;
+        if is_anew && self.scan.resume == Resume::Everything {
+            self.scan.resume = Resume::Nothing;
         }
-        let mut keeping = Keeping::of(session, self.resume, is_guided, Instant::now());
+        let mut keeping = Keeping::of(session, self.scan.resume, is_guided, Instant::now());
         keeping.reads_whole(is_whole);
-        let along = keeping.resume(&mut flight, self.resume);
+        let along = keeping.resume(&mut flight, self.scan.resume);
         notes.extend(keeping.warning());
         if let Some(framebuffer) = self.framebuffer.take() {
             let camera = flight.app().camera_id();
             flight.views().present_to(camera, framebuffer)?;
         }
         let overlays = self.overlays.clone();
-        if let Some(scan) = &self.opening
+        if let Some(scan) = &self.scan.input
             && let Err(e) = self.recent.opened(scan)
         {
             output::to_stderr(format_args!("note: the list of recent scans was not saved: {e}"));
@@ -403,11 +298,11 @@ impl Shell {
             FlightController::new(flight, self.background.clone(), overlays, Rc::clone(&self.actions))?;
         controller.set_own(Rc::clone(&self.own));
         controller.set_detector(self.detector);
-        if self.seconds.is_some() {
+        if self.scan.seconds.is_some() {
             controller.limit_time();
         }
         let unread = keeping.equip(&mut controller);
-        self.keeping = Some(keeping);
+        self.scan.keeping = Some(keeping);
         controller.set_screenshots(settings::screenshots());
         if let Some(e) = &unread {
             output::to_stderr(format_args!("note: {e}"));
@@ -425,11 +320,11 @@ impl Shell {
         }
         self.workspace.warn(notes);
         // A window of a given size or time is that of a script.
-        if self.placement.is_first() && self.size.is_none() && self.seconds.is_none() && self.is_first {
+        if self.placement.is_first() && self.size.is_none() && self.scan.seconds.is_none() && self.scan.is_first {
             self.sheet = Some(Sheet::Welcome);
             self.keep_placement();
         }
-        self.stage = Stage::Flying(Box::new(controller));
+        self.scan.stage = Stage::Flying(Box::new(controller));
         Ok(())
     }
 
@@ -445,7 +340,7 @@ impl Shell {
         // Ctrl-C and similar combinations are not handled here.
         let other = self.modifiers.intersects(ModifiersState::ALT | ModifiersState::SUPER) && !self.controls();
         if !pressed && let Some(hold) = self.pressed.release(event.physical_key) {
-            if let Stage::Flying(c) = &mut self.stage {
+            if let Stage::Flying(c) = &mut self.scan.stage {
                 c.steer(|held| held.release(hold), now);
             }
             return;
@@ -471,7 +366,7 @@ impl Shell {
             }
         }
         let once = pressed && (action.repeats || !event.repeat);
-        match (&action.intent, &mut self.stage) {
+        match (&action.intent, &mut self.scan.stage) {
             (&Intent::Hold(hold), Stage::Flying(c)) => {
                 if pressed {
                     self.pressed.press(event.physical_key, hold);
@@ -511,7 +406,7 @@ impl Shell {
     /// Returns status 1 if it panics again and again.
     fn lay_out(&mut self, now: Instant, events: &ActiveEventLoop) -> Result<()> {
         let size = self.window_size();
-        let content = match &mut self.stage {
+        let content = match &mut self.scan.stage {
             Stage::Loading(loading) => loading.content(),
             Stage::Failed(e) => Content::Failed { text: Self::failed_text(e) },
             Stage::Flying(controller) => {
@@ -520,22 +415,22 @@ impl Shell {
             }
             Stage::Over => return Ok(()),
         };
-        let more = match &self.stage {
+        let more = match &self.scan.stage {
             Stage::Flying(c) => c.has_marks() || self.workspace.shows_more_than_the_flight(),
             Stage::Loading(_) | Stage::Failed(_) | Stage::Over => false,
         };
         // A moving flight is laid out half as often as pictures are shown: rasterising takes as long as a small picture.
         let more = more && self.laid_out_at.is_none_or(|t| now.saturating_duration_since(t) >= LAYOUTS);
         let touched = std::mem::take(&mut self.touched) || more || self.interface.next().is_some_and(|t| t <= now);
-        if !touched && self.laid_out.as_ref().is_some_and(|l| l.0 == content && l.1 == size) {
+        if !touched && self.scan.placed.laid_out.as_ref().is_some_and(|l| l.0 == content && l.1 == size) {
             return Ok(());
         }
         let (Some(input), Some(window)) = (&mut self.input, &self.window) else { return Ok(()) };
-        let (stage, workspace, mut requests) = (&self.stage, &mut self.workspace, Requests::default());
+        let (stage, workspace, mut requests) = (&self.scan.stage, &mut self.workspace, Requests::default());
         let (sheet, mut answer) = (&mut self.sheet, sheet::Answer::Stay);
         let (actions, recent) = (&*self.actions, self.recent.scans());
         let (file_list, mut chosen) = (&mut self.file_list, None);
-        let (opening, series) = (self.opening.as_deref(), self.series);
+        let (opening, series) = (self.scan.input.as_deref(), self.scan.series);
         let choices = if let Stage::Failed(e) = stage { &e.choices[..] } else { &[] };
         let output = self.interface.lay_out(input.take_egui_input(window), size, now, |ui| {
             match (&content, stage) {
@@ -576,16 +471,16 @@ impl Shell {
                     self.workspace.renew();
                 }
                 self.input = Some(input_of(&self.interface, window, events));
-                (self.touched, self.laid_out) = (true, None);
+                (self.touched, self.scan.placed.laid_out) = (true, None);
                 // What the other panels asked for holds.
                 self.follow(chosen.into_iter().chain(requests.take()), now, events);
                 return Ok(());
             }
         }
-        self.flight_at = requests.flight_at().map_or([0; 4], |at| size.in_pixels(at));
-        self.slices_at = requests.slices_at().iter().map(|(o, at)| (*o, size.in_pixels(*at))).collect();
-        self.views = Views { flight: requests.flight_at(), slices: requests.slices_at().to_vec() };
-        self.laid_out = Some((content, size));
+        self.scan.placed.flight_at = requests.flight_at().map_or([0; 4], |at| size.in_pixels(at));
+        self.scan.placed.slices_at = requests.slices_at().iter().map(|(o, at)| (*o, size.in_pixels(*at))).collect();
+        self.scan.placed.views = Views { flight: requests.flight_at(), slices: requests.slices_at().to_vec() };
+        self.scan.placed.laid_out = Some((content, size));
         self.laid_out_at = Some(now);
         match answer {
             sheet::Answer::Stay => {}
@@ -607,7 +502,7 @@ impl Shell {
     /// Does what the operator wants, by whatever key, button or panel.
     fn execute(&mut self, intent: Intent, now: Instant, events: &ActiveEventLoop) {
         let moment = self.moment(now);
-        let left = match &mut self.stage {
+        let left = match &mut self.scan.stage {
             Stage::Flying(c) => c.execute(intent, moment),
             Stage::Loading(_) | Stage::Failed(_) | Stage::Over => Some(intent),
         };
@@ -625,7 +520,7 @@ impl Shell {
                 found => refuse_action(&id, found.is_some(), None),
             },
             Intent::Own(n) => {
-                let Stage::Flying(c) = &mut self.stage else { return };
+                let Stage::Flying(c) = &mut self.scan.stage else { return };
                 if let Some(requests) = c.begin_own(n, self.recent.scans()) {
                     self.follow(requests.into_iter(), now, events);
                     self.own.end(n);
@@ -633,17 +528,17 @@ impl Shell {
             }
             Intent::Screenshot => self.photograph(now),
             Intent::Kinds => {
-                let is_shown = matches!(&self.stage, Stage::Flying(c) if c.kinds().is_shown());
+                let is_shown = matches!(&self.scan.stage, Stage::Flying(c) if c.kinds().is_shown());
                 self.workspace.show_named("kinds", is_shown);
             }
             Intent::Coverage => {
-                let is_shown = matches!(&self.stage, Stage::Flying(c) if c.seen().is_painted());
+                let is_shown = matches!(&self.scan.stage, Stage::Flying(c) if c.seen().is_painted());
                 self.workspace.show_named("missed", is_shown);
             }
             Intent::Open(path, series) => self.open_scan(path, series, events),
             Intent::StartAt(place) => self.start_at(place, events),
-            Intent::Whole if matches!(self.stage, Stage::Flying(_)) && self.unflown.is_none() => {
-                let (input, series) = (self.opening.clone(), self.series);
+            Intent::Whole if matches!(self.scan.stage, Stage::Flying(_)) && self.scan.unflown.is_none() => {
+                let (input, series) = (self.scan.input.clone(), self.scan.series);
                 self.open_asked(Asked { input, series, is_flying: true, is_whole: true }, events);
             }
             Intent::Files => self.workspace.switch_named("open"),
@@ -659,10 +554,10 @@ impl Shell {
             Intent::Layout(n) => self.workspace.choose(n),
             Intent::Panel(n) => self.workspace.switch(n),
             Intent::Cancel => self.cancel(events),
-            Intent::Quit => match &self.stage {
+            Intent::Quit => match &self.scan.stage {
                 Stage::Flying(c) if !matches!(self.sheet, Some(Sheet::Quit { .. })) => match c.unfinished() {
                     Some(why) => {
-                        let keeps = self.keeping.as_ref().is_some_and(Keeping::keeps);
+                        let keeps = self.scan.keeping.as_ref().is_some_and(Keeping::keeps);
                         self.sheet = Some(Sheet::Quit { why, keeps });
                     }
                     None => self.quit(events),
@@ -683,7 +578,7 @@ impl Shell {
         if self.sheet.is_some() {
             return self.close_sheet();
         }
-        match &mut self.stage {
+        match &mut self.scan.stage {
             Stage::Flying(c) => {
                 if c.cancel(Instant::now()) || self.workspace.hide_named("open") {
                     return;
@@ -704,7 +599,7 @@ impl Shell {
             self.printed.ask(window);
         }
         self.actions = Rc::new(self.actions.on(&self.printed));
-        if let Stage::Flying(c) = &mut self.stage {
+        if let Stage::Flying(c) = &mut self.scan.stage {
             c.name_keys_by(Rc::clone(&self.actions));
         }
         self.touched = true;
@@ -714,21 +609,21 @@ impl Shell {
     fn picture(&mut self, anew: bool, events: &ActiveEventLoop) -> Result<()> {
         let now = Instant::now();
         self.lay_out(now, events)?;
-        let [left, top, width, height] = self.flight_at;
+        let [left, top, width, height] = self.scan.placed.flight_at;
         let flight = (width * height > 0).then_some((left, top));
         let mut due = None;
-        match &mut self.stage {
+        match &mut self.scan.stage {
             Stage::Flying(controller) => {
                 controller.advance(now)?;
-                if let Some(turn) = self.keeping.as_mut().and_then(|k| k.take_over(controller, now)) {
+                if let Some(turn) = self.scan.keeping.as_mut().and_then(|k| k.take_over(controller, now)) {
                     self.workspace.warn_instead(keeping::ELSEWHERE, turn.warning().as_deref());
                     controller.say(turn.said(), now);
                     self.touched = true;
                 }
-                if let Some(log) = &mut self.log {
+                if let Some(log) = &mut self.scan.log {
                     log.add(controller.flight_mut().take_log())?;
                 }
-                let slices: Vec<_> = self.slices_at.iter().map(|(o, [.., w, h])| (*o, [*w, *h])).collect();
+                let slices: Vec<_> = self.scan.placed.slices_at.iter().map(|(o, [.., w, h])| (*o, [*w, *h])).collect();
                 due = controller.prepare(ImageSize::new(width, height), &slices, now)?;
                 // The text over slices describes them at the time of the layout. At rest, nothing else triggers a new layout.
                 self.touched |= due.is_some() && !slices.is_empty() && controller.rests();
@@ -736,7 +631,7 @@ impl Shell {
             Stage::Loading(_) | Stage::Failed(_) => {}
             Stage::Over => return Ok(()),
         }
-        let period = if matches!(self.stage, Stage::Loading(_)) { LOADING } else { FRAME };
+        let period = if matches!(self.scan.stage, Stage::Loading(_)) { LOADING } else { FRAME };
         // A picture that starts slightly late does not delay those after it.
         let beat = self.beat + period;
         self.beat = if now.saturating_duration_since(beat) < period / 2 { beat.min(now) } else { now };
@@ -746,66 +641,46 @@ impl Shell {
             // Minimised: the flight continues, but there is nothing to paint on.
             return Ok(());
         }
-        if due.is_none() && !anew && self.painted == Some(layout.serial) {
+        if due.is_none() && !anew && self.scan.placed.painted == Some(layout.serial) {
             return Ok(());
         }
-        let shown = match &mut self.stage {
+        let shown = match &mut self.scan.stage {
             Stage::Flying(controller) => {
                 let place =
                     |(o, [x, y, ..]): &(Orientation, [usize; 4])| Some((controller.slices().entity(*o)?, (*x, *y)));
-                let slices = self.slices_at.iter().filter_map(place).collect();
+                let slices = self.scan.placed.slices_at.iter().filter_map(place).collect();
                 if let Some(mut framebuffer) = controller.framebuffer() {
                     framebuffer.prepare(layout, Places { flight, slices });
                 }
                 let shown = controller.show(due)?;
                 if let Some(shown) = &shown {
-                    self.presented.took(shown.ms);
-                    controller.presented(self.presented.usual_ms());
+                    self.scan.placed.presented.took(shown.ms);
+                    controller.presented(self.scan.placed.presented.usual_ms());
                 }
                 shown
             }
             _ => self.framebuffer.as_mut().map(|f| f.show_alone(layout)).transpose()?,
         };
         self.settled = shown.is_none_or(|s| s.settled);
-        self.painted = self.settled.then_some(layout.serial);
+        self.scan.placed.painted = self.settled.then_some(layout.serial);
         Ok(())
-    }
-
-    /// True if the flight's time is over.
-    fn time_is_over(&mut self) -> bool {
-        match (&mut self.stage, self.seconds) {
-            (Stage::Flying(c), Some(s)) if c.flight().clock().seconds() >= s => {
-                c.flight_mut().end();
-                true
-            }
-            _ => false,
-        }
     }
 
     /// Returns when work is due without operator input; `None` to sleep until the next input.
     fn next(&self) -> Option<Instant> {
         // Whatever is shown, the interface reacts to input, and shows its tooltips when they are due.
-        let touched = (self.touched && !matches!(self.stage, Stage::Over)).then_some(self.due);
+        let touched = (self.touched && !matches!(self.scan.stage, Stage::Over)).then_some(self.due);
         let interface = self.interface.next().into_iter().chain(touched).min();
-        let stage = match &self.stage {
+        let stage = match &self.scan.stage {
             Stage::Loading(_) => Some(self.due),
             Stage::Flying(c) if c.rests() && self.settled => {
-                c.next().into_iter().chain(self.keeping.as_ref().and_then(Keeping::next)).min()
+                c.next().into_iter().chain(self.scan.keeping.as_ref().and_then(Keeping::next)).min()
             }
             Stage::Flying(_) => Some(self.due),
             Stage::Failed(_) | Stage::Over => None,
         };
         stage.into_iter().chain(interface).min().map(|t| t.max(self.due))
     }
-}
-
-/// Starts to load a scan.
-fn load(prepare: Prepare, progress: &Arc<Progress>, proxy: &EventLoopProxy<Wake>) -> Result<Loading> {
-    let done = proxy.clone();
-    Loading::start(prepare, progress, move || {
-        // The window may be closed, and then nothing has to be woken.
-        let _ = done.send_event(Wake::Loaded);
-    })
 }
 
 /// Returns the translation of a window's events for an interface.
@@ -824,14 +699,14 @@ impl ApplicationHandler<Wake> for Shell {
         if self.window.is_some() {
             return;
         }
-        let attributes = self.placement.attributes(self.size, events).with_title(self.title());
+        let attributes = self.placement.attributes(self.size, events).with_title(self.scan.title());
         match Framebuffer::open(events, attributes) {
             Ok(framebuffer) => {
                 let window = framebuffer.window();
                 self.input = Some(input_of(&self.interface, &window, events));
                 self.window = Some(window);
                 self.name_keys();
-                match &mut self.stage {
+                match &mut self.scan.stage {
                     Stage::Flying(c) => {
                         let camera = c.flight().app().camera_id();
                         if let Err(e) = c.flight_mut().views().present_to(camera, framebuffer) {
@@ -855,10 +730,10 @@ impl ApplicationHandler<Wake> for Shell {
             }
             Wake::JobDone => self.ask_for_picture(),
             Wake::Interrupted => {
-                self.progress.cancel();
-                match self.stage {
+                self.scan.progress.cancel();
+                match self.scan.stage {
                     // The reason why it cannot be flown takes precedence.
-                    Stage::Flying(_) if self.unflown.is_some() => events.exit(),
+                    Stage::Flying(_) if self.scan.unflown.is_some() => events.exit(),
                     Stage::Flying(_) => self.fail(Error::cancelled("flight"), events),
                     Stage::Loading(_) => self.fail(Error::cancelled("loading"), events),
                     // The reason why it could not be opened takes precedence.
@@ -882,12 +757,12 @@ impl ApplicationHandler<Wake> for Shell {
                 let anew = !std::mem::take(&mut self.asked);
                 if let Err(e) = self.picture(anew, events) {
                     self.fail(e, events);
-                } else if self.time_is_over() {
+                } else if self.scan.time_is_over() {
                     self.quit(events);
                 }
             }
             WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } | WindowEvent::Occluded(false) => {
-                self.painted = None;
+                self.scan.placed.painted = None;
                 self.touched = true;
                 self.ask_for_picture();
             }
@@ -897,7 +772,7 @@ impl ApplicationHandler<Wake> for Shell {
             WindowEvent::KeyboardInput { event, .. } => self.key(&event, events),
             WindowEvent::ModifiersChanged(m) => self.modifiers = m.state(),
             WindowEvent::Focused(false) => {
-                if let Stage::Flying(c) = &mut self.stage {
+                if let Stage::Flying(c) = &mut self.scan.stage {
                     c.steer(HeldKeys::let_go, now);
                 }
             }

@@ -1,23 +1,20 @@
 //! Opens another scan in the window.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::time::Instant;
 
 use winit::event_loop::ActiveEventLoop;
 
-use super::{Shell, Stage, load};
+use super::Shell;
+use super::open_scan::{OpenScan, Stage};
 use crate::host::window::Asked;
-use crate::host::window::photograph::Views;
-use crate::host::window::present_timer::PresentTimer;
 use crate::host::window::sheet::Sheet;
 use crate::output;
-use crate::progress::Progress;
 
 impl Shell {
     /// Opens another scan instead of the open one, or adds a file of answers to it.
     pub(super) fn open_scan(&mut self, path: PathBuf, series: Option<usize>, events: &ActiveEventLoop) {
-        if let Stage::Flying(c) = &mut self.stage
+        if let Stage::Flying(c) = &mut self.scan.stage
             && path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"))
         {
             // No scan: answers to the candidates of this one.
@@ -25,13 +22,13 @@ impl Shell {
             self.touched = true;
             return;
         }
-        let is_flying = matches!(self.stage, Stage::Flying(_)) && self.unflown.is_none();
+        let is_flying = matches!(self.scan.stage, Stage::Flying(_)) && self.scan.unflown.is_none();
         self.open_asked(Asked { input: Some(path), series, is_flying, is_whole: false }, events);
     }
 
     /// Opens a scan instead of the open one.
     pub(super) fn open_asked(&mut self, asked: Asked, events: &ActiveEventLoop) {
-        if let Stage::Flying(c) = &mut self.stage {
+        if let Stage::Flying(c) = &mut self.scan.stage {
             // The open scan goes on if its file has gone.
             if asked.is_whole
                 && let Some(path) = asked.input.as_ref().filter(|path| !path.exists())
@@ -49,7 +46,7 @@ impl Shell {
         let opening = match (self.open)(asked) {
             Ok(opening) => opening,
             Err(e) => {
-                match &mut self.stage {
+                match &mut self.scan.stage {
                     Stage::Flying(c) => c.say(e.to_string(), Instant::now()),
                     Stage::Failed(shown) => *shown = e,
                     Stage::Loading(_) | Stage::Over => output::to_stderr(format_args!("note: {e}")),
@@ -62,28 +59,19 @@ impl Shell {
             output::to_stderr(format_args!("{e}"));
             self.outcome = std::mem::replace(&mut self.outcome, Ok(())).and(Err(e));
         }
-        // A cancelled progress stays cancelled.
-        self.progress = Arc::new(Progress::new());
-        match load(opening.prepare, &self.progress, &self.proxy) {
-            Ok(loading) => self.stage = Stage::Loading(loading),
+        match OpenScan::load(opening, false, &self.proxy) {
+            Ok(scan) => self.scan = scan,
             Err(e) => return self.fail(e, events),
         }
-        (self.opening, self.finish, self.resume) = (opening.input, Some(opening.finish), opening.resume);
-        self.series = opening.series;
-        (self.log_path, self.seconds, self.is_first) = (opening.log, opening.seconds, false);
         self.forget_pictures();
         if let Some(window) = &self.window {
-            window.set_title(&self.title());
+            window.set_title(&self.scan.title());
         }
         self.ask_for_picture();
     }
 
-    /// Forgets what is shown of a scan that is closed.
+    /// Forgets what covers a scan that is closed, and its slices.
     pub(super) fn forget_pictures(&mut self) {
-        (self.keeping, self.laid_out, self.painted) = (None, None, None);
-        (self.flight_at, self.presented) = ([0; 4], PresentTimer::default());
-        self.slices_at.clear();
-        self.views = Views::default();
         // It was about the scan that was open.
         self.sheet = None;
         if let Some(framebuffer) = &mut self.framebuffer {

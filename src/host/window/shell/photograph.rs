@@ -2,7 +2,8 @@
 
 use std::time::Instant;
 
-use super::{Shell, Stage};
+use super::Shell;
+use super::open_scan::Stage;
 use crate::host::window::contract::Context;
 use crate::host::window::photograph::Photograph;
 
@@ -10,11 +11,11 @@ impl Shell {
     /// Takes the views as they are laid out.
     pub(super) fn photograph(&mut self, now: Instant) {
         let size = self.window_size();
-        let Stage::Flying(controller) = &mut self.stage else { return };
+        let Stage::Flying(controller) = &mut self.scan.stage else { return };
         let hud = controller.hud(now);
         let context = Context::new(&**controller, &self.actions, self.recent.scans(), &hud);
-        let context = context.of_scan(self.opening.as_deref(), self.series);
-        let views = Photograph::take(&context, size, &self.views);
+        let context = context.of_scan(self.scan.input.as_deref(), self.scan.series);
+        let views = Photograph::take(&context, size, &self.scan.placed.views);
         controller.photograph(views, now);
     }
 }
