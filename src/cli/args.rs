@@ -13,11 +13,11 @@ pub use crate::cli::phantom_args::{PhantomArgs, PhantomFeature, PhantomPosition,
 pub use crate::cli::values::{Pair, Point, Triple};
 pub use crate::render::ImageSize;
 
+use crate::cli::messages::{failed, print};
 use crate::cli::values::{count, number, plane, seed, slab, steps, threads};
 use crate::cli::{Program, unbuilt};
 use crate::error::{Error, program_name, set_program_name};
 use crate::fields::CenterlineMethod;
-use crate::output;
 use crate::render::slice::{Slab, SlicePlane};
 
 /// Virtual colonoscopy: flies a camera through the colon of a CT scan. Research software, not for diagnosis.
@@ -636,7 +636,7 @@ pub fn refuse(refused: &ParseError) -> ExitCode {
         ParseError::NotBuilt(error) => return failed(error),
     };
     if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
-        let printed = super::print(|out| write!(out, "{}", e.render()).and_then(|()| out.flush()));
+        let printed = print(|out| write!(out, "{}", e.render()).and_then(|()| out.flush()));
         return printed.map_or_else(|e| failed(&e), |()| ExitCode::SUCCESS);
     }
     if let Some(error) = unbuilt::refusal(e) {
@@ -655,20 +655,6 @@ pub fn refuse(refused: &ParseError) -> ExitCode {
         why.strip_prefix("error: ").unwrap_or(&why),
         format!("see {} --help", program_name()),
     ))
-}
-
-/// Prints a failure and returns its exit status.
-pub(super) fn failed(error: &Error) -> ExitCode {
-    print_failure(error);
-    ExitCode::from(error.kind as u8)
-}
-
-/// Prints what there is to choose from, one line each, and then the failure in one line.
-pub(super) fn print_failure(error: &Error) {
-    for choice in &error.choices {
-        super::prepare::say(choice);
-    }
-    output::to_stderr(format_args!("error: {error}"));
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use serde_json::json;
 use crate::app::Timings;
 use crate::cli::args::{CleanseArgs, Global};
 use crate::cli::files;
+use crate::cli::messages::say;
 use crate::cli::prepare;
 use crate::error::Result;
 use crate::fields::cleanse::{self, CleansedPool, Left};
@@ -45,10 +46,10 @@ pub(crate) fn run(args: &CleanseArgs, global: &Global, progress: &Progress) -> R
     let mut cleansed = timings.time("cleanse_s", || cleanse::cleanse(&volume, &lumen, progress))?;
     drop(lumen);
     cleansed.changes.exchange(&mut volume);
-    prepare::say(&cleansed.to_string());
+    say(&cleansed.to_string());
     io::save(&args.out, &volume, progress)?;
     if let Some(note) = io::written_note(&args.out, volume.grid()) {
-        prepare::say(&note);
+        say(&note);
     }
     if let Some(path) = &args.stats {
         let mut stats = prepare::stats_head(&timings);

@@ -7,8 +7,8 @@ use crate::app::FlightApp;
 use crate::app::explain::explain;
 use crate::cli::args::{ExplainArgs, Global};
 #[cfg(feature = "window")]
-use crate::cli::prepare::say;
-use crate::cli::{Program, fly, print};
+use crate::cli::messages::{print, say};
+use crate::cli::{Program, fly};
 use crate::components::output::FrameCache;
 #[cfg(feature = "window")]
 use crate::components::slices::SliceView;

@@ -1,7 +1,8 @@
 //! `colvis info`.
 
 use crate::cli::args::{Global, InfoArgs};
-use crate::cli::{prepare, print};
+use crate::cli::messages::{print, say};
+use crate::cli::prepare;
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::volume::io::{self, LoadOptions};
@@ -12,8 +13,8 @@ pub(crate) fn run(args: &InfoArgs, global: &Global, progress: &Progress) -> Resu
     let options = LoadOptions { allow_gaps: true, ..prepare::load_options(global) };
     let (value, notes) = io::inspect(&args.input, &options, progress)?;
     if global.allow_gaps && value.get("slice_gaps").is_none() {
-        prepare::say("--allow-gaps is ignored: the scan is not DICOM");
+        say("--allow-gaps is ignored: the scan is not DICOM");
     }
-    notes.iter().for_each(|note| prepare::say(note));
+    notes.iter().for_each(|note| say(note));
     print(|out| writeln!(out, "{value:#}"))
 }

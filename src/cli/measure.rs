@@ -6,6 +6,7 @@ use serde_json::json;
 
 use crate::app::Timings;
 use crate::cli::args::{Global, MeasureArgs};
+use crate::cli::messages::print;
 use crate::cli::prepare;
 use crate::error::Result;
 use crate::output;
@@ -75,7 +76,7 @@ pub(crate) fn run(args: &MeasureArgs, global: &Global, progress: &Progress) -> R
     let written = Written::from(&measured);
     match &args.out {
         Some(path) => output::write_json(path, &written)?,
-        None => super::print(|out| writeln!(out, "{:#}", json!(written)))?,
+        None => print(|out| writeln!(out, "{:#}", json!(written)))?,
     }
     if let Some(path) = &args.stats {
         output::write_json(path, &prepare::stats_head(&timings))?;

@@ -9,6 +9,7 @@ mod files;
 mod fly;
 mod info;
 mod measure;
+mod messages;
 mod own;
 mod phantom;
 mod phantom_args;
@@ -48,6 +49,7 @@ use crate::schedule::{Guide, Look, Plugin};
 use args::{Args, Command};
 pub use clap;
 use files::Files;
+use messages::{failed, print, print_failure};
 use own::OwnCommand;
 pub use own::{ProgressBar, Session};
 
@@ -245,7 +247,7 @@ impl Program {
     /// Like [`Program::run`], with these arguments; the first is the program's name.
     pub fn run_from<T: Into<OsString>>(self, args: impl IntoIterator<Item = T>) -> ExitCode {
         if let Err(e) = self.check() {
-            return args::failed(&e);
+            return failed(&e);
         }
         let args: Vec<OsString> = args.into_iter().map(Into::into).collect();
         if let [_, help, keys] = &args[..]
@@ -353,7 +355,7 @@ fn end(outcome: &Result<()>) -> ExitCode {
     let mut run = under_way();
     let status = outcome.as_ref().map_or_else(|e| e.kind as u8, |()| 0);
     if let Err(e) = outcome {
-        args::print_failure(e);
+        print_failure(e);
     }
     if let Some(run) = &mut *run {
         run.ended = Some(status);
@@ -475,16 +477,6 @@ fn gather_threads(threads: Option<usize>) -> Result<()> {
     let pool = ThreadPoolBuilder::new().num_threads(number.unwrap_or(0)).use_current_thread().build().map_err(fault)?;
     *gathered = Some((threads, pool));
     Ok(())
-}
-
-/// Writes to standard output; a reader that closes early (`colvis … | head -1`) is not an error.
-fn print(write: impl FnOnce(&mut dyn std::io::Write) -> std::io::Result<()>) -> Result<()> {
-    match write(&mut std::io::stdout().lock()) {
-        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(Error::new(crate::error::Kind::Output, "standard output", e.to_string(), "free some space"))
-        }
-        _ => Ok(()),
-    }
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use clap::ArgMatches;
 
 use crate::app::{Catalog, Scan, Scene};
 use crate::cli::args::Global;
+use crate::cli::messages::print;
 use crate::cli::{Program, prepare};
 use crate::error::{Error, Result};
 pub use crate::host::terminal::Bar as ProgressBar;
@@ -67,7 +68,7 @@ impl Session<'_> {
     /// # Errors
     /// Returns status 5 if it cannot be written.
     pub fn print(&self, text: impl fmt::Display) -> Result<()> {
-        super::print(|out| writeln!(out, "{text}"))
+        print(|out| writeln!(out, "{text}"))
     }
 }
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::app::Scene;
 use crate::cli::args::PlaneArgs;
 use crate::cli::files::Files;
-use crate::cli::prepare::say;
+use crate::cli::messages::say;
 use crate::dynamics::tentacles::TentacleSettings;
 use crate::error::{Error, Result};
 use crate::host::plane as headless;

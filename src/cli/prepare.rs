@@ -9,11 +9,11 @@ use crate::app::scan::check_thick;
 use crate::app::{OpenOptions, Scan, Timings, colon};
 use crate::cli::Program;
 use crate::cli::args::{Global, QualityName};
+use crate::cli::messages::say;
 use crate::error::{Error, Kind, Result};
 use crate::fields::cleanse::{self, Cleansed};
 use crate::fields::{Lumen, lumen};
 use crate::memory::resident_bytes;
-use crate::output;
 use crate::phantom::{Phantom, PhantomSettings};
 use crate::progress::Progress;
 use crate::render::packets::simd_level;
@@ -258,11 +258,6 @@ fn report_unread(global: &Global) {
             say(&format!("{name} is ignored: there is no input"));
         }
     }
-}
-
-/// Prints a note for the user.
-pub(crate) fn say(note: &str) {
-    output::to_stderr(format_args!("note: {}", note.replace(char::is_control, " ")));
 }
 
 /// The head of every stats file.

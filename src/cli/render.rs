@@ -10,7 +10,7 @@ use serde::Deserialize;
 use serde_json::json;
 
 use crate::cli::args::{Global, ImageSize, QualityName, RenderArgs};
-use crate::cli::prepare::say;
+use crate::cli::messages::say;
 use crate::cli::{Program, prepare};
 use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;

@@ -7,7 +7,8 @@ use crate::app::Timings;
 use crate::app::scan::check_thick;
 use crate::cli::Program;
 use crate::cli::args::{Global, ReportArgs, ReportSubject};
-use crate::cli::prepare::{self, say};
+use crate::cli::messages::{print, say};
+use crate::cli::prepare;
 use crate::error::{Error, Result};
 use crate::host::terminal::Bar;
 use crate::output;
@@ -59,7 +60,7 @@ pub(crate) fn run(program: &Program, args: &ReportArgs, global: &Global, progres
         }
         findings
     };
-    super::print(|out| findings.iter().try_for_each(|f| writeln!(out, "{f}")))
+    print(|out| findings.iter().try_for_each(|f| writeln!(out, "{f}")))
 }
 
 fn one(

@@ -7,6 +7,7 @@ use serde_json::json;
 use crate::app::Timings;
 use crate::cli::args::{Global, LabelName, SegmentArgs};
 use crate::cli::files;
+use crate::cli::messages::say;
 use crate::cli::prepare;
 use crate::error::Result;
 use crate::fields::lumen::{self, GasKind, Lumen, Other, Remnant};
@@ -91,7 +92,7 @@ pub(crate) fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> R
     }
     io::save_mask(&args.out, &grid, &mask, progress)?;
     if let Some(note) = io::written_note(&args.out, &grid) {
-        prepare::say(&note);
+        say(&note);
     }
     if let (Some(path), Some(residue)) = (&args.stats, residue) {
         let mut stats = prepare::stats_head(&timings);

@@ -16,7 +16,8 @@ use crate::app::{Catalog, FlightApp, FlightRequest, ImageSettings, Overlay, Plac
 use crate::cli::Program;
 use crate::cli::args::{FlyArgs, Global, ImageSize, Point};
 use crate::cli::files::Files;
-use crate::cli::prepare::{self, say};
+use crate::cli::messages::say;
+use crate::cli::prepare;
 use crate::components::flight::State;
 use crate::components::play::Direction;
 use crate::dynamics::STEP_HZ;

@@ -1,12 +1,18 @@
 //! Which triangles of the wall are seen from the views of a flight.
 
+use std::path::Path;
+
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::wall::{Block, Wall};
 use crate::dynamics::Attitude;
+use crate::error::Result;
+use crate::output;
+use crate::progress::Progress;
 use crate::render::camera::Camera;
 use crate::space::{PreparedVolume, first_crossing, value};
+use crate::surface::{is_far, write_ply};
 
 /// The largest distance at which a place of the wall counts as seen, mm.
 pub const REACH_MM: f64 = 100.0;
@@ -141,6 +147,17 @@ impl Wall {
             if all > 0.0 { self.mm2_of(|n| which(&sights[n])) / all } else { 0.0 }
         };
         Coverage { one_way: share(|s| s.ahead > 0), both_ways: share(|s| s.either) }
+    }
+
+    /// Writes the wall as PLY, with the number of views that see it (`seen`) on each face. Nothing is written in part.
+    ///
+    /// # Errors
+    /// Returns status 5 if the file cannot be written.
+    pub fn save(&self, path: &Path, sights: &[Sight]) -> Result<()> {
+        let about = "the wall that was flown along, mm LPS; seen: number of places from which a face was seen";
+        let far = is_far(self.origin, &self.places);
+        let (mesh, seen) = ((self.origin, &self.places[..], &self.triangles[..]), |n: usize| sights[n].ahead);
+        output::write_whole(path, |w| write_ply(w, mesh, about, far, Some(("seen", &seen)), &Progress::new()))
     }
 }
 

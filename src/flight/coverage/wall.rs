@@ -1,18 +1,15 @@
-//! The wall of the gas that is flown, as triangles that are seen or not.
+//! The wall of the gas that is flown, as triangles.
 
 use std::ops::Range;
-use std::path::Path;
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::sight::Sight;
 use crate::error::Result;
 use crate::fields::Lumen;
 use crate::fields::lumen::Interior;
-use crate::output;
 use crate::progress::Progress;
-use crate::surface::{LumenMesh, is_far, write_ply};
+use crate::surface::LumenMesh;
 use crate::volume::Volume;
 
 /// Side of the cells whose triangles are a patch, mm.
@@ -180,17 +177,6 @@ impl Wall {
     /// Returns the unit normal of a triangle into the gas, world; zero for one without area.
     pub fn normal(&self, n: usize) -> DVec3 {
         self.normals[n].as_dvec3()
-    }
-
-    /// Writes the wall as PLY, with the number of views that see it (`seen`) on each face. Nothing is written in part.
-    ///
-    /// # Errors
-    /// Returns status 5 if the file cannot be written.
-    pub fn save(&self, path: &Path, sights: &[Sight]) -> Result<()> {
-        let about = "the wall that was flown along, mm LPS; seen: number of places from which a face was seen";
-        let far = is_far(self.origin, &self.places);
-        let (mesh, seen) = ((self.origin, &self.places[..], &self.triangles[..]), |n: usize| sights[n].ahead);
-        output::write_whole(path, |w| write_ply(w, mesh, about, far, Some(("seen", &seen)), &Progress::new()))
     }
 
     /// Returns the size in memory, bytes.

@@ -13,10 +13,9 @@ use bevy_ecs::schedule::{
 };
 use bevy_ecs::system::{ScheduleSystem, SystemAccess};
 
-use super::inspect::Inspector;
 use super::ledger::{self, Fault, Ledger};
 use super::parts::Parts;
-use super::{FlightSystems, Phase, Plugin};
+use super::{FlightSystems, Phase};
 use crate::error::{Error, Result};
 use crate::{output, panics};
 
@@ -106,7 +105,7 @@ pub struct App {
     /// The current scene's observers.
     observers: Vec<Entity>,
     /// The current owner of newly added systems and components.
-    owner: Owner,
+    pub(super) owner: Owner,
     /// The account that newly added systems are booked to, if there is one.
     account: Option<usize>,
     /// Records which system runs and for how long; `None` if no account is kept.
@@ -129,7 +128,7 @@ pub struct App {
 
 /// The owner of systems and components.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Owner {
+pub(super) enum Owner {
     /// The scene: they are removed when it changes.
     Scene,
     /// A plug-in, or the code that owns the flight: they stay.
@@ -219,24 +218,6 @@ impl App {
         let plugged = plug(self);
         self.owner = Owner::Plugin;
         plugged
-    }
-
-    /// Builds a plug-in. Its additions stay when the scene changes.
-    ///
-    /// # Errors
-    /// Returns the error of the plug-in, and status 2 if a plug-in of that name already exists.
-    #[doc(hidden)]
-    pub fn plug(&mut self, plugin: &dyn Plugin) -> Result<()> {
-        let name = plugin.name().into_owned();
-        if self.plugged.contains(&name) {
-            let why = "is plugged in already";
-            return Err(Error::usage(format!("plug-in {name:?}"), why, "give one of the two another name"));
-        }
-        self.plugged.push(name.clone());
-        let owner = std::mem::replace(&mut self.owner, Owner::Plugin);
-        let built = self.on_account(&name, |app| plugin.build(app));
-        self.owner = owner;
-        built
     }
 
     /// Starts to record the owner and the run time of each system added from now on.
@@ -351,11 +332,6 @@ impl App {
     /// Returns a mutable component of the camera.
     pub fn camera_get_mut<T: Component<Mutability = bevy_ecs::component::Mutable>>(&mut self) -> Option<Mut<'_, T>> {
         self.world.get_mut(self.camera)
-    }
-
-    /// Returns what the schedules contain and what they have done, for explanations.
-    pub fn inspect(&self) -> Inspector<'_> {
-        Inspector(self)
     }
 
     /// Adds components to the camera.

@@ -13,6 +13,13 @@ use super::own::is_own;
 #[derive(Clone, Copy)]
 pub struct Inspector<'a>(pub(super) &'a App);
 
+impl App {
+    /// Returns what the schedules contain and what they have done, for explanations.
+    pub fn inspect(&self) -> Inspector<'_> {
+        Inspector(self)
+    }
+}
+
 impl<'a> Inspector<'a> {
     /// Returns the names of the systems that run in a step and in a frame, in the order of the built schedules.
     pub fn systems(&self) -> [Vec<String>; 2] {

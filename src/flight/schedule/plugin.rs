@@ -6,6 +6,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use super::App;
+use super::app::Owner;
 use crate::error::{Error, Result};
 use crate::panics::ask_plugin;
 use crate::render::Options;
@@ -50,6 +51,26 @@ pub trait Plugin: Send + Sync + 'static {
     /// # Errors
     /// May return any error; the flight is then not created.
     fn build(&self, app: &mut App) -> Result<()>;
+}
+
+impl App {
+    /// Builds a plug-in. Its additions stay when the scene changes.
+    ///
+    /// # Errors
+    /// Returns the error of the plug-in, and status 2 if a plug-in of that name already exists.
+    #[doc(hidden)]
+    pub fn plug(&mut self, plugin: &dyn Plugin) -> Result<()> {
+        let name = plugin.name().into_owned();
+        if self.plugged.contains(&name) {
+            let why = "is plugged in already";
+            return Err(Error::usage(format!("plug-in {name:?}"), why, "give one of the two another name"));
+        }
+        self.plugged.push(name.clone());
+        let owner = std::mem::replace(&mut self.owner, Owner::Plugin);
+        let built = self.on_account(&name, |app| plugin.build(app));
+        self.owner = owner;
+        built
+    }
 }
 
 impl<F> Plugin for F
