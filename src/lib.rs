@@ -149,8 +149,8 @@
 //! | missed | wall that the flight has passed and not seen | overlooked, skipped wall |
 //! | patch | a connected area of the wall that was missed | missed area, missed region |
 //! | review | a flight past the missed patches | revisit |
-//! | cleansed | with the colon's tagged fluid and stool replaced by gas, and the wall beneath restored | electronically cleaned, subtracted |
-//! | as scanned | not cleansed | uncleansed |
+//! | cleansed | with the colon's tagged fluid and stool replaced by gas, and the wall beneath restored | tag taken out, without tag, electronically cleaned |
+//! | as scanned | not cleansed | with tag, uncleansed |
 //! | candidate | a place of the wall that looks like a polyp | suspect, finding of the detector |
 //! | lesion | what is measured at a place of the wall | growth |
 //! | guide | a steering (navigation) method | navigator, autopilot |

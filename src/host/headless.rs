@@ -220,7 +220,7 @@ pub fn outcome(flight: &FlightApp) -> Result<()> {
     Err(Error::incomplete(
         format!("flight stopped at {} after {:.0} mm", triple(f.place), f.length_mm),
         f.reason,
-        "fly it by hand, or start anew with --from X,Y,Z",
+        "fly it by hand, or start again with --from X,Y,Z",
     ))
 }
 

@@ -61,8 +61,8 @@ mod cases {
         ("two panels panic", 0, 30, "laid out badly"),
         ("action panics", 0, 30, "action bad panicked: acted badly"),
         ("action is asked badly", 0, 30, "action bad panicked: asked badly"),
-        ("asks for an unknown action", 0, 30, "action \"jump\" is asked for, but there is none"),
-        ("asks for a held key", 0, 30, "action \"forward\" is asked for, but it works by its key alone"),
+        ("asks for an unknown action", 0, 30, "action \"jump\" does not exist"),
+        ("asks for a held key", 0, 30, "action \"forward\" cannot be requested, because it works by its key alone"),
         ("tells badly", 0, 30, "plug-in bad: panicked: told badly"),
         ("action asks for itself", 0, 30, "action bad asks for itself"),
     ];

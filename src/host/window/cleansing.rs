@@ -96,10 +96,8 @@ impl Cleansing {
         let Setup { volume, lumen, scene, cleansed, plan, .. } = flight.setup();
         let none = match &plan.gas {
             // The box would not reach around the camera.
-            Some(_) => Some("the flight set out beside the colon"),
-            None => {
-                (scene.play().is_some() || lumen.segments.is_empty()).then_some("there is no colon to look for tag in")
-            }
+            Some(_) => Some("the flight starts outside the colon"),
+            None => (scene.play().is_some() || lumen.segments.is_empty()).then_some("there is no colon to cleanse"),
         };
         if let Some(why) = none {
             self.stage = Stage::One(why);
@@ -179,7 +177,7 @@ impl Cleansing {
     pub(crate) fn may_switch(&self) -> std::result::Result<(), &'static str> {
         match self.stage {
             Stage::Both(_) => Ok(()),
-            Stage::Waiting | Stage::Working => Err("the scan without tag is being found"),
+            Stage::Waiting | Stage::Working => Err("the scan is being cleansed"),
             Stage::One(why) => Err(why),
         }
     }
@@ -197,7 +195,7 @@ impl Cleansing {
     }
 
     fn text(&self) -> &'static str {
-        if self.is_wanted { "tag taken out" } else { "as scanned, with tag" }
+        if self.is_wanted { "cleansed" } else { "as scanned" }
     }
 
     /// Returns the entity of the scan that is shown, if it is not that which is flown through.
@@ -280,7 +278,7 @@ mod tests {
         let mut c = begun(guide, fluid);
         // Nothing moves while it waits.
         let now = Instant::now();
-        assert_eq!(c.cleansing().may_switch(), Err("the scan without tag is being found"));
+        assert_eq!(c.cleansing().may_switch(), Err("the scan is being cleansed"));
         c.advance(now).unwrap();
         assert!(c.cleansing().is_waiting(), "the first picture comes first");
         trace(&mut c, now);
@@ -323,7 +321,7 @@ mod tests {
         assert!(took.box_bytes < whole.voxels().bytes() + whole.bytes());
         let before = whole.voxels().data().to_vec();
         let hud = c.hud(now);
-        assert!(hud.figures.iter().any(|f| f == "tag taken out"), "{:?}", hud.figures);
+        assert!(hud.figures.iter().any(|f| f == "cleansed"), "{:?}", hud.figures);
         assert!(hud.message.unwrap().contains("(X shows the scan as it is)"));
         // Where fluid is, slices show gas.
         let lumen = Arc::clone(&c.flight().setup().lumen);
@@ -361,7 +359,7 @@ mod tests {
         let mut c = flown("path", true);
         let now = Instant::now();
         assert!(c.flight().setup().cleansed.is_some() && c.cleansing().other(c.flight()).is_none());
-        assert_eq!(c.cleansing().shown(), "tag taken out");
+        assert_eq!(c.cleansing().shown(), "cleansed");
         perform(&mut c, "tag", now);
         let grid = c.flight().setup().volume.voxels().grid();
         let raw = c.flight().shown_scan().voxels();

@@ -202,10 +202,10 @@ impl<'a> Context<'a> {
 
 /// Tells once why an action that `asker` asked for is not performed: no action has that id, or it `is_there`, but only for a held key.
 pub(super) fn refuse_action(id: &str, is_there: bool, asker: Option<&str>) {
-    let by = asker.map_or_else(String::new, |who| format!(": {who} asks for it"));
+    let by = asker.map_or_else(String::new, |who| format!(": requested by {who}"));
     let why = match is_there {
-        true => format!("is asked for, but it works by its key alone{by}; send a command instead"),
-        false => format!("is asked for, but there is none{by}; {} explain lists them", program_name()),
+        true => format!("cannot be requested, because it works by its key alone{by}; send a command instead"),
+        false => format!("does not exist{by}; {} explain lists them", program_name()),
     };
     note(format!("action {id:?}"), why);
 }
@@ -339,11 +339,10 @@ mod tests {
         }
         requests.refuse_from(first, &actions, "panel bad");
         let notes = c.flight_mut().take_notes();
-        let held = "is asked for, but it works by its key alone: panel bad asks for it; ";
-        for (n, (id, why)) in
-            [("jump", "is asked for, but there is none: panel bad asks for it; "), ("forward", held), ("seek", held)]
-                .into_iter()
-                .enumerate()
+        let held = "cannot be requested, because it works by its key alone: requested by panel bad; ";
+        for (n, (id, why)) in [("jump", "does not exist: requested by panel bad; "), ("forward", held), ("seek", held)]
+            .into_iter()
+            .enumerate()
         {
             assert!(notes[n].starts_with(&format!("action {id:?} {why}")), "{notes:?}");
         }

@@ -454,10 +454,10 @@ impl FlightController {
     pub(crate) fn cancel(&mut self, now: Instant) -> bool {
         let said = if self.measures.is_on() {
             self.measures.switch();
-            "not measuring any more"
+            "measuring is off"
         } else if self.measures_lesions() {
             self.leave_lesions();
-            "not measuring any more"
+            "measuring is off"
         } else if self.travel.take().is_some() {
             "stopped on the way"
         } else if self.flight.tour().is_some() {

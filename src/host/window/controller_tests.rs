@@ -253,7 +253,7 @@ fn messages_name_the_keys_that_settings_have_changed() {
     let message = |c: &mut FlightController| c.hud(now).message.unwrap_or_default();
     assert!(message(&mut c).ends_with(" (Α sets it back)"), "{}", message(&mut c));
     perform(&mut c, "missed-next", now);
-    assert!(message(&mut c).ends_with("what was seen is not watched (Δ begins)"), "{}", message(&mut c));
+    assert!(message(&mut c).ends_with("coverage is off (Δ begins)"), "{}", message(&mut c));
     perform(&mut c, "candidate-next", now);
     assert!(message(&mut c).ends_with("no list of candidates (Ε looks for polyps)"), "{}", message(&mut c));
     c.flight_mut().camera_mut::<Flight>().unwrap().state = State::Operator;

@@ -34,7 +34,7 @@ pub(crate) const CHOICES: [(Option<GasKind>, &str, &str); 7] = [
     (Some(GasKind::Lung), "Lung", "kind-lung"),
     (Some(GasKind::Trachea), "Trachea", "kind-trachea"),
     (Some(GasKind::Unknown), "Unknown", "kind-unknown"),
-    (None, "As judged", "kind-as-judged"),
+    (None, "Automatic", "kind-as-judged"),
 ];
 
 /// The kinds of the legend, in its order, with their colours.

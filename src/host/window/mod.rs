@@ -214,7 +214,7 @@ pub struct Asked {
     pub series: Option<usize>,
     /// True if a scan is flown already: the files that were asked for are its own.
     pub is_flying: bool,
-    /// One flight through the whole colon, from the rectum along the centerline, with the tag taken out; otherwise the flight that the
+    /// One flight through the whole colon, from the rectum along the centerline, cleansed; otherwise the flight that the
     /// command line asks for.
     pub is_whole: bool,
 }

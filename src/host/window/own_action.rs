@@ -227,7 +227,7 @@ mod tests {
         let mut c = controller_with(&[never]);
         assert_eq!(c.why_not(&Intent::Own(0)).as_deref(), Some("it rains"));
         assert!(begin(&mut c).is_none());
-        assert_eq!(c.hud(Instant::now()).message.as_deref(), Some("mark this place: not while it rains"));
+        assert_eq!(c.hud(Instant::now()).message.as_deref(), Some("mark this place is unavailable: it rains"));
     }
 
     #[test]

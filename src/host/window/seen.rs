@@ -283,7 +283,7 @@ impl Seen {
         let text = match self.doing {
             Doing::Beginning => "looking at the wall",
             Doing::Listing => "listing what was missed",
-            Doing::Preparing => "preparing the way",
+            Doing::Preparing => "preparing the path",
         };
         self.task.failed().map(Err).or(self.task.is_working().then_some(Ok(text)))
     }

@@ -23,7 +23,7 @@ const SAMPLED: usize = 1 << 16;
 /// The current version of the file format.
 const VERSION: u32 = 1;
 /// Consequence of an invalid file, for messages.
-const HINT: &str = "it is left alone; the flight starts anew";
+const HINT: &str = "it is not used; the flight starts from the beginning";
 
 /// The last state of a flight.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -49,7 +49,7 @@ pub(crate) struct Session {
     /// True if it was paused.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     paused: bool,
-    /// True if it was a flight through the whole colon, its tag taken out.
+    /// True if it was a flight through the whole colon, cleansed.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     whole: bool,
 }

@@ -47,7 +47,7 @@ pub(crate) enum Opens {
     /// With a flight through the largest segment.
     #[default]
     Flight,
-    /// With one flight through the whole colon, from the rectum, its tag taken out.
+    /// With one flight through the whole colon, from the rectum, cleansed.
     Whole,
 }
 

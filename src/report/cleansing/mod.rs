@@ -142,7 +142,7 @@ fn write(all: &[Measured], folder: &Path) -> Result<Vec<String>> {
     let mut page = Page::new(folder, "colvis: cleansing, the wall under tag against the same colon without it")?;
     page.text(
         "Phantoms with folds, polyps, pools, films, stool, inhomogeneous tag (200 to 1200 HU), pseudo-enhancement and noise, \
-         blurred by a scanner of its own. The truth is the analytic colon without tag: at places spread over its wall, the \
+         blurred by a scanner of its own. The truth is the analytic colon without tagging: at places spread over its wall, the \
          position error is the distance to the nearest rising crossing of -650 HU along the normal, and the normal error the angle \
          to the gradient that the default renderer estimates there. A wall more than 1.5 mm away counts as missing; what floats in \
          the lumen, more than that from any wall, as a ghost. Dry walls show what noise and sampling alone do.",

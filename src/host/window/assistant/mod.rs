@@ -148,7 +148,7 @@ impl Assistant {
                 State::Working(stage, (all > 0).then_some(done as f32 / all as f32))
             }
             (.., Some(why)) => State::Failed(why),
-            (None, None, None) => State::Working("waiting for the scan without tag".to_owned(), None),
+            (None, None, None) => State::Working("waiting for cleansing".to_owned(), None),
         }
     }
 

@@ -124,7 +124,7 @@ impl FlightController {
     /// Tells why something is not possible. Returns false if it is.
     fn refuse(&mut self, intent: &Intent, now: Instant) -> bool {
         let Some(why) = self.why_not(intent) else { return false };
-        let text = self.actions.that_wants(intent).map(|action| format!("{}: not while {why}", action.text));
+        let text = self.actions.that_wants(intent).map(|action| format!("{} is unavailable: {why}", action.text));
         self.say(text.unwrap_or_else(|| why.into_owned()), now);
         true
     }

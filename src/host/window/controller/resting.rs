@@ -145,7 +145,7 @@ mod tests {
             let action = actions.named(id).unwrap();
             let at = ActionContext { window: ImageSize::new(0, 0), now };
             assert!(c.execute(action.intent.clone(), at).is_none(), "{id}");
-            assert!(c.hud(now).message.unwrap().ends_with(": not while there is no flight"), "{id}");
+            assert!(c.hud(now).message.unwrap().ends_with(" is unavailable: there is no flight"), "{id}");
         }
         assert!(!c.is_on(&Intent::Pause), "nothing is paused");
         for id in ["open", "help", "screenshot", "quit", "window-soft"] {

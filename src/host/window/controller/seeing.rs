@@ -26,8 +26,8 @@ impl FlightController {
         let is_known = self.flight.camera::<LiveCoverage>().is_some();
         let told = match (done, shown, is_known) {
             (Err(e), ..) => e.to_string(),
-            (_, false, _) => "what was not seen: hidden".to_owned(),
-            (_, true, false) => "looking at what was seen ...".to_owned(),
+            (_, false, _) => "wall not seen: hidden".to_owned(),
+            (_, true, false) => "computing coverage ...".to_owned(),
             (_, true, true) => self.coverage_text(),
         };
         self.say(told, now);
@@ -49,7 +49,7 @@ impl FlightController {
     pub(crate) fn may_see_missed(&self) -> Result<(), WhyNot> {
         match self.flight.camera::<LiveCoverage>() {
             Some(_) => Ok(()),
-            None => Err(format!("what was seen is not watched{}", self.actions.hint("unseen", "begins")).into()),
+            None => Err(format!("coverage is off{}", self.actions.hint("unseen", "begins")).into()),
         }
     }
 
@@ -66,7 +66,7 @@ impl FlightController {
             Some(n) => self.fly_to_missed(n, now),
             None if self.seen.next().is_none() => {
                 self.seen.list_missed(Then::Next, &self.flight, &self.background, now);
-                self.say("listing what was missed ...", now);
+                self.say("listing the missed patches ...", now);
             }
             None => {}
         }
@@ -80,7 +80,7 @@ impl FlightController {
             return self.visit_missed(n, now);
         }
         if !self.seen.prepare_tour(Then::Next, &self.flight, &self.background, now) {
-            return self.say("preparing the way ...", now);
+            return self.say("preparing the path ...", now);
         }
         let Some(patch) = self.seen.choose(n) else { return };
         let (place, area_mm2) = (patch.position, patch.area_mm2);
@@ -162,7 +162,7 @@ impl FlightController {
     fn nothing_to_review(&self) -> String {
         match self.seen.stops(&self.flight).1 {
             0 if self.seen.list().is_none_or(<[_]>::is_empty) => "nothing larger than 3 cm² was missed".to_owned(),
-            0 => "nothing of what was missed can be looked at".to_owned(),
+            0 => "no missed patch is visible from the lumen".to_owned(),
             1 => "1 place is left, in a segment that cannot be flown".to_owned(),
             left => format!("{left} places are left, in segments that cannot be flown"),
         }

@@ -43,8 +43,8 @@ impl FlightController {
     /// Gives a kind to the chosen body of gas, or takes back what was given.
     pub(crate) fn tell_kind(&mut self, kind: Option<GasKind>, now: Instant) {
         if self.kinds.tell(kind, &self.flight, &self.background, now) {
-            let what = kind.map_or("as it was judged", name);
-            self.say(format!("{what}: finding the lumen anew ..."), now);
+            let what = kind.map_or("automatic", name);
+            self.say(format!("{what}: updating the lumen ..."), now);
             self.note_changes(now);
         } else {
             self.say("it has that kind already", now);
@@ -75,11 +75,11 @@ impl FlightController {
                     }
                     Onward::Same(_) => format!("the lumen has {all} now; the flight goes on in its segment"),
                     Onward::Changed(_) => {
-                        format!("the flown gas has changed: set out anew in the {here}")
+                        format!("the flown gas has changed: starting again in the {here}")
                     }
                     Onward::Elsewhere(_) => {
                         let undo = self.actions.hint("undo", "undoes it");
-                        format!("the flown gas is no colon now: set out in the {here}{undo}")
+                        format!("this gas is no longer colon: starting in the {here}{undo}")
                     }
                     Onward::Nowhere => "no gas is left that may be colon: the flight keeps its lumen".to_owned(),
                 }

@@ -175,7 +175,7 @@ fn gas_that_was_flown_and_is_no_colon_is_left() {
     perform(&mut c, "kind-stomach", now);
     until_found(&mut c, now);
     let said = c.hud(now).message.unwrap();
-    assert!(said.contains("no colon now"), "{said}");
+    assert!(said.contains("no longer colon"), "{said}");
     let setup = c.flight().setup();
     assert!(setup.plan.segment.is_some() && setup.lumen.segment_at(place) != setup.plan.segment);
     assert!(c.flight().pose().position.distance(place) > 5.0, "the flight is elsewhere");

@@ -137,10 +137,10 @@ fn candidates_have_the_places_of_their_file() {
 }
 
 #[test]
-#[ignore = "slow: candidates of a phantom with tag"]
+#[ignore = "slow: candidates of a tagged phantom"]
 fn candidates_under_tag_have_the_places_of_their_file() {
     candidates_agree("tentacles", true, false);
-    // The scan that is flown has its tag taken out.
+    // The scan that is flown has its cleansed.
     candidates_agree("path", true, false);
 }
 
