@@ -77,7 +77,7 @@ impl FlightController {
             Part::Kinds(told) => {
                 self.kinds.restore(told, &self.flight, &self.background, now);
                 self.colour_slices();
-                self.say("kind undone: finding the lumen anew ...", now);
+                self.say("kind undone: updating the lumen ...", now);
             }
             Part::Answers(said) => {
                 if let Some(assistant) = &mut self.assistant {
