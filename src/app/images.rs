@@ -1,14 +1,8 @@
 //! Settings of a scene's images.
 
-use serde::Deserialize;
-
-use crate::Catalog;
 use crate::components::output::Picture;
 use crate::error::{Error, Result};
-use crate::render::{
-    CameraModel, Choices, Classification, GradientSource, Leaping, Light, LowDetail, Options, Preset, Settings,
-    ShaderModel,
-};
+use crate::render::{CameraModel, Choices, Classification, Light, Preset, Settings, ShaderModel};
 
 /// A scene's settings for its images. The quality's own settings apply where the scene sets none.
 ///
@@ -96,44 +90,5 @@ impl ImageSettings {
     pub fn check(&self) -> Result<()> {
         self.preset.supports(&self.settings)?;
         self.camera.camera(self.fov_degrees, 1.0).map(drop)
-    }
-}
-
-/// [`RenderSettings`] in the format of a scene file.
-#[derive(Deserialize, Default)]
-#[serde(default, deny_unknown_fields)]
-pub(super) struct RenderFile {
-    sensitivity: Option<f32>,
-    filtered_density: bool,
-    preset: Option<String>,
-    camera: Option<String>,
-    fov_degrees: Option<f64>,
-    shade: Option<String>,
-    light: Option<Light>,
-    leap: Option<Leaping>,
-    gradients: Option<GradientSource>,
-    key_frames: Option<u32>,
-    low: Option<LowDetail>,
-}
-
-impl RenderFile {
-    /// Converts to the settings and the images' settings. Preset, camera and shader are looked up in `catalog`, and their settings
-    /// by name in `options`. Fails with status 2 if the preset, camera or shader does not exist.
-    pub(super) fn settings(
-        self,
-        catalog: &Catalog,
-        options: impl Fn(&str) -> Options,
-    ) -> Result<(RenderSettings, ImageSettings)> {
-        let Self { sensitivity, filtered_density, light, leap, gradients, key_frames, low, .. } = self;
-        let preset = self.preset.map_or(Ok(Preset::default()), |name| catalog.find_preset(&name))?;
-        let camera = self.camera.map_or(Ok(CameraModel::default()), |name| catalog.find_camera(&name))?;
-        let shader = self.shade.map_or(Ok(ShaderModel::default()), |name| catalog.find_shader(&name))?;
-        let choices = Choices { leap, gradients, key_frames, low };
-        let shader = ShaderModel { options: options(shader.name), ..shader };
-        let render = RenderSettings { sensitivity, filtered_density, choices, light, shader };
-        let settings = Settings { options: options(preset.name), ..render.apply(Settings::default()) };
-        let camera = CameraModel { options: options(camera.name), ..camera };
-        let fov_degrees = self.fov_degrees.unwrap_or(90.0);
-        Ok((render, ImageSettings { camera, fov_degrees, settings, preset, ..ImageSettings::default() }))
     }
 }

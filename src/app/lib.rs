@@ -21,6 +21,7 @@ pub mod plan;
 #[doc(hidden)]
 pub mod scan;
 pub(crate) mod scene;
+mod scene_file;
 pub mod study;
 mod timings;
 

@@ -1,14 +1,10 @@
 //! Overlays: drawings that a window adds to the picture of a flight.
 
-use std::time::Instant;
-
 use glam::DVec3;
 
-use super::{FlightApp, overlays};
-use crate::error::{Error, Result};
-use crate::panics;
+use crate::FlightApp;
+use crate::error::Result;
 use crate::render::{Options, View};
-use crate::schedule::book_time;
 
 /// A drawing that a window adds on top of its picture, toggled by a key.
 ///
@@ -154,9 +150,9 @@ pub struct Canvas {
     scale: f32,
     /// Height covered by text at the picture's lower edge, points.
     foot: f32,
-    marks: Vec<Mark>,
+    pub(super) marks: Vec<Mark>,
     /// Settings of the active overlay.
-    options: Options,
+    pub(super) options: Options,
     /// Number of rows taken of each thing that overlays share.
     taken: Vec<(&'static str, usize)>,
 }
@@ -181,23 +177,6 @@ impl Canvas {
     #[must_use]
     pub fn with_foot(self, points: f32) -> Self {
         Self { foot: points, ..self }
-    }
-
-    /// Runs an overlay's drawing function. If it panics, its marks are removed.
-    ///
-    /// # Errors
-    /// Returns status 1 if it panics.
-    pub fn draw(&mut self, overlay: &Overlay, flight: &FlightApp) -> Result<()> {
-        self.options = overlay.options;
-        let (before, begun) = (self.marks.len(), Instant::now());
-        let drawn = panics::catch(|| (overlay.draw)(flight, self));
-        if overlays::BUILT_IN.iter().all(|o| o.name != overlay.name) {
-            book_time(format!("overlay {}", overlay.name), begun.elapsed().as_secs_f64() * 1e3);
-        }
-        drawn.map_err(|why| {
-            self.marks.truncate(before);
-            Error::fault(format!("overlay {}", overlay.name), format!("panicked: {why}"), "fix it, or hide it")
-        })
     }
 
     /// Returns the settings of the active overlay.

@@ -8,26 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use super::centerline::PARTS;
 use super::gut::Run;
+use super::kinds::{BodyKind, Content};
 use super::profile::GAS;
-use super::{Content, Phantom, Size};
-
-/// What a body of gas is in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[non_exhaustive]
-pub enum BodyKind {
-    /// A segment of the colon.
-    #[serde(rename = "colon")]
-    Colon,
-    /// A piece of small bowel.
-    #[serde(rename = "small bowel")]
-    SmallBowel,
-    /// The stomach.
-    #[serde(rename = "stomach")]
-    Stomach,
-    /// A lung.
-    #[serde(rename = "lung")]
-    Lung,
-}
+use super::{Phantom, Size};
 
 /// A connected body of gas. Gas that passes an open ileocecal valve counts as two bodies.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

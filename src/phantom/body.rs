@@ -3,30 +3,13 @@
 use glam::DVec3;
 
 use super::chest::Chest;
-use super::content::Content;
+use super::kinds::Content;
+use super::organ::{Organ, organ};
+use super::paint::Paint;
 use super::pelvis;
 use super::profile::{FAT, GAS, mix, smooth_min, smooth_step};
 use super::settings::{PhantomSettings, Position};
-use crate::math::hash;
-
-/// An ellipsoid with a constant value.
-pub(crate) struct Organ {
-    centre: DVec3,
-    /// Reciprocals of the half axes.
-    inverse: DVec3,
-    shortest: f64,
-    hu: f64,
-}
-
-pub(crate) const fn organ(centre: [f64; 3], semi: [f64; 3], hu: f64) -> Organ {
-    let [a, b, c] = semi;
-    Organ {
-        centre: DVec3::from_array(centre),
-        inverse: DVec3::new(1.0 / a, 1.0 / b, 1.0 / c),
-        shortest: a.min(b).min(c),
-        hu,
-    }
-}
+use super::texture::lung_texture;
 
 /// Organs in an adult's mm; later ones are painted over earlier ones: liver, spleen, stomach wall, kidneys, psoas
 /// muscles, aorta, vena cava, bladder, iliac muscles.
@@ -59,35 +42,6 @@ const HALF: [f64; 2] = [164.0, 128.0];
 
 /// Thickness of the diaphragm, mm.
 const DIAPHRAGM_MM: f64 = 3.5;
-
-/// A value under construction: layers are painted over it.
-pub(crate) struct Paint {
-    hu: f64,
-    edge: f64,
-    free: f64,
-}
-
-impl Paint {
-    /// Changes the value to `hu` where the depth `d` passes from negative to positive. `d` is in mm and must not change
-    /// faster than the position.
-    #[inline]
-    pub(crate) fn over(&mut self, d: f64, hu: f64) {
-        self.free = self.free.min(d.abs() - self.edge);
-        if d > -self.edge {
-            self.hu = mix(self.hu, hu, smooth_step(-self.edge, self.edge, d));
-        }
-    }
-
-    /// Says that the value varies here.
-    pub(crate) fn varies(&mut self) {
-        self.free = 0.0;
-    }
-
-    /// Returns the distance from an edge within which its blur reaches, mm.
-    pub(crate) fn edge(&self) -> f64 {
-        self.edge
-    }
-}
 
 /// The parts of the body that reach into a region.
 #[derive(Clone, Copy, Debug)]
@@ -283,37 +237,10 @@ impl Body {
     }
 }
 
-/// Lung vessels: bright branching ridges on a dark background, with a standard deviation of about 70 HU.
-pub(crate) fn lung_texture(seed: u64, p: DVec3, side: u64) -> f64 {
-    let seed = hash::bits(seed, 0x1046 + side);
-    let ridge = 1.0 - (2.0 * lattice(seed, p / 9.0) - 1.0).abs() * 3.0;
-    let fine = lattice(seed ^ 1, p / 3.1) - 0.5;
-    220.0 * ridge.max(0.0).powi(2) + 150.0 * fine - 40.0
-}
-
-impl Organ {
-    /// Returns the depth below the surface in an adult's mm: a lower bound of the distance, exact along the shortest half axis.
-    pub(crate) fn depth(&self, o: DVec3) -> f64 {
-        (1.0 - ((o - self.centre) * self.inverse).length()) * self.shortest
-    }
-}
-
-/// Returns C2 value noise in [0, 1) on the unit lattice.
-pub(crate) fn lattice(seed: u64, p: DVec3) -> f64 {
-    let cell = p.floor();
-    let t = p - cell;
-    let w = t * t * t * (t * (t * 6.0 - DVec3::splat(15.0)) + DVec3::splat(10.0));
-    let corner = |dx: i64, dy: i64, dz: i64| {
-        let index = |c: f64, d: i64| ((c as i64 + d) as u64) & 0xF_FFFF;
-        hash::uniform(seed, index(cell.x, dx) | index(cell.y, dy) << 20 | index(cell.z, dz) << 40)
-    };
-    let edge = |dy, dz| mix(corner(0, dy, dz), corner(1, dy, dz), w.x);
-    mix(mix(edge(0, 0), edge(1, 0), w.y), mix(edge(0, 1), edge(1, 1), w.y), w.z)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::hash;
 
     #[test]
     fn what_is_called_constant_is() {

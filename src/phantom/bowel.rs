@@ -1,16 +1,13 @@
-//! Small bowel: the ileum with its valve, and detached loops of jejunum.
+//! Small bowel: the ileum, and detached loops of jejunum.
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 
-use super::bodies::BodyKind;
 use super::centerline::Centerline;
-use super::decoy_placing::valve_spot;
-use super::features::Stream;
-use super::ground::{Ground, Spot};
 use super::gut::{Gut, Guts, Ridges};
-use super::shape::Shape;
-use super::solid::Plate;
+use super::kinds::BodyKind;
 use super::spline::{Beyond, b_spline};
+use super::stream::Stream;
+use super::valve::Valve;
 
 /// Least tissue between small bowel and colon, and between two loops of small bowel, mm.
 pub(crate) const APART_MM: f64 = 4.5;
@@ -51,37 +48,8 @@ const JEJUNUM: [[f64; 3]; 6] = [
     [24.0, -18.0, 62.0],
 ];
 
-/// The ileocecal valve: two lips on the colon's medial wall, and the slit between them.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Valve {
-    /// The place on the plain wall.
-    pub spot: Spot,
-    /// The lips, as one body of tissue.
-    pub lips: Plate,
-    /// The slit, if it is open.
-    pub slit: Option<Plate>,
-    /// Distance of the mouth from the plain wall, mm.
-    pub height: f64,
-}
-
 /// Tissue between the colon's plain wall and the ileum's end, mm.
 const BEHIND_MM: f64 = 3.5;
-
-/// Returns the valve of a colon: open for odd seeds.
-pub(crate) fn valve(shape: &Shape, seed: u64) -> Option<Valve> {
-    let spot = valve_spot(&Ground::new(shape))?;
-    let frame = shape.axis.frame(spot.s);
-    let small = shape.axis.length() < 1000.0;
-    let share = if small { 0.85 } else { 1.0 };
-    let wide = Stream::new(seed, 97).within(3.2, if small { 4.2 } else { 5.6 });
-    let across = (frame.tangent - spot.up * frame.tangent.dot(spot.up)).normalize();
-    let axes = DMat3::from_cols(across.cross(spot.up), across, spot.up);
-    let height = 6.0 * share;
-    let lips = Plate { foot: spot.at, axes, size: DVec3::new(23.0, 11.0, 6.0) * share + DVec3::new(0.0, wide, 0.0) };
-    // A plate begins 4 mm below its foot, and there the ileum is.
-    let slit = Plate { foot: spot.at, axes, size: DVec3::new(10.0 * share + 1.0, wide, height + 2.0) };
-    Some(Valve { spot, lips, slit: (seed % 2 == 1).then_some(slit), height })
-}
 
 /// Returns the small bowel of a body of `scale` (1 is an adult), away from the colon's lumen, whose knots `colon` holds, and from
 /// the other `tubes`.

@@ -2,9 +2,11 @@
 
 use glam::DVec3;
 
-use super::body::{Organ, Paint, lung_texture, organ};
-use super::features::Stream;
+use super::organ::{Organ, organ};
+use super::paint::Paint;
 use super::profile::smooth_min;
+use super::stream::Stream;
+use super::texture::lung_texture;
 
 /// A lung in an adult's mm LPS: the middle and half axes of its outline across the body, and the diaphragm beneath it, highest
 /// in the middle.
@@ -79,7 +81,7 @@ impl Chest {
     /// Paints both lungs at `p` (world, mm) in a body of `scale`.
     pub(crate) fn paint(&self, p: DVec3, scale: f64, paint: &mut Paint) {
         let o = p / scale;
-        if o.z < LUNGS[1].dome - LUNGS[1].drop - 12.0 - paint.edge() / scale {
+        if o.z < LUNGS[1].dome - LUNGS[1].drop - 12.0 - paint.edge / scale {
             return;
         }
         let heart = HEART.depth(o) * scale;
@@ -88,7 +90,7 @@ impl Chest {
         paint.over(lung + DIAPHRAGM_MM, 50.0);
         paint.over(heart, 45.0);
         let d = lung.min(-heart - 2.0 * scale);
-        let inside = d > -paint.edge();
+        let inside = d > -paint.edge;
         // The texture's own mean is taken off.
         let texture = if inside { self.strength * (lung_texture(self.seed, p, side as u64) - TEXTURE_HU) } else { 0.0 };
         paint.over(d, self.hu + texture);

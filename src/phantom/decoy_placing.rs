@@ -2,12 +2,13 @@
 
 use glam::{DMat3, DVec3};
 
-use super::bowel::Valve;
 use super::decoys::{Body, Decoy, DecoyKind, Lump, TrueDecoy, Tube};
-use super::features::{CHANNEL_MM, Stream};
-use super::ground::{Ground, Spot, Taken};
+use super::features::CHANNEL_MM;
+use super::ground::{Ground, Taken};
 use super::shape::{Fold, Shape};
-use super::solid::{Ellipsoid, Plate};
+use super::solid::{Ellipsoid, Plate, centre_of, extent};
+use super::stream::Stream;
+use super::valve::{Valve, valve_spot};
 use crate::math::hash;
 
 /// Length of the tube that is within the rectum's end wall, mm.
@@ -177,20 +178,6 @@ fn fold_place(shape: &Shape, fold: &Fold, phi: f64) -> DVec3 {
     frame.at + frame.direction(phi) * (fold.radius - fold.height(phi))
 }
 
-/// Returns the place of the valve: on the medial side, about 50 mm from the cecal end (of an adult's cecum).
-pub(crate) fn valve_spot(ground: &Ground<'_>) -> Option<Spot> {
-    let axis = &ground.shape.axis;
-    let end = axis.length();
-    let from_end = if end > 1000.0 { 32.0 } else { 22.0 };
-    // The place on the plain wall within 10 mm that is farthest from a fold.
-    let place = |i: i32| {
-        let s = end - from_end + f64::from(i);
-        let spot = ground.spot(s, axis.frame(s).angle(DVec3::X))?;
-        Some((ground.shape.to_folds(&ground.foot(spot.at, s)?), spot))
-    };
-    (-10..=10).filter_map(place).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, spot)| spot)
-}
-
 fn valve(ground: &Ground<'_>) -> Option<Decoy> {
     let spot = valve_spot(ground)?;
     let frame = ground.shape.axis.frame(spot.s);
@@ -281,16 +268,4 @@ fn stool(ground: &Ground<'_>, down: DVec3, draw: &mut Stream, taken: &mut Taken,
     let lump = Lump { balls, bubbles, hu: draw.within(0.0, 60.0), seed };
     let truth = at(DecoyKind::Stool, ball.0, diameter);
     Some(Decoy { truth, s: spot.s, span_mm: 30.0, body: Body::Stool(lump) })
-}
-
-/// Returns the largest extent of balls, mm.
-pub(crate) fn extent(balls: &[(DVec3, f64)]) -> f64 {
-    let pair = |&(c, r): &(DVec3, f64)| balls.iter().map(move |&(d, q)| c.distance(d) + r + q).fold(0.0, f64::max);
-    balls.iter().map(pair).fold(0.0, f64::max)
-}
-
-/// Returns the mean of balls' centres, weighted by their radii.
-pub(crate) fn centre_of(balls: &[(DVec3, f64)]) -> DVec3 {
-    let weight: f64 = balls.iter().map(|b| b.1).sum();
-    balls.iter().map(|b| b.0 * b.1).sum::<DVec3>() / weight
 }

@@ -3,9 +3,9 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::body::lattice;
 use super::profile::{mix, smooth_step};
 use super::solid::{Ellipsoid, Plate, Rod, Surface};
+use super::texture::lattice;
 
 /// Fillet between a decoy and the wall, and between the parts of a lump, mm.
 const FILLET_MM: f64 = 1.0;

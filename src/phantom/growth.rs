@@ -3,9 +3,9 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::features::Pool;
 use super::ground::Ground;
 use super::lesions::{Lesion, PolypShape};
+use super::pools::Pool;
 use super::shape::{Attached, Polyp, Shape};
 use super::solid::Ellipsoid;
 use super::truth::TruePolyp;

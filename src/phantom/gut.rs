@@ -8,12 +8,12 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::bodies::BodyKind;
+use super::Phantom;
 use super::centerline::{Centerline, FootPoint};
+use super::kinds::BodyKind;
 use super::profile::{FAT, GAS, TISSUE, mix, normal_cdf, smooth_step, tissue_share};
-use super::shape::{DEEP, Distances, Shape};
+use super::shape::{DEEP, Distances};
 use super::solid::Plate;
-use super::{Phantom, PhantomSettings, bowel, stomach};
 
 /// Ridges on the inside of a tube.
 #[derive(Clone, Copy, Debug)]
@@ -240,23 +240,6 @@ impl Guts {
     pub(crate) fn content(&self, p: DVec3, inside: &Inside, sigma: f64) -> f64 {
         self.tubes[inside.tube].content(p, sigma)
     }
-}
-
-/// Returns the small bowel and stomach of a body of `scale` whose colon has this shape and valve.
-pub(crate) fn place(shape: &Shape, scale: f64, valve: Option<&bowel::Valve>, settings: &PhantomSettings) -> Guts {
-    let radius = |i: usize| shape.largest_radius(i as f64 * shape.axis.knot_step());
-    let mut taken: Vec<_> = shape.axis.knots().iter().enumerate().map(|(i, c)| (*c, radius(i))).collect();
-    let mut guts = valve.map_or_else(Guts::default, |v| bowel::place(scale, v, &taken, settings.seed));
-    taken.extend(guts.tubes.iter().flat_map(Gut::balls));
-    if settings.stomach {
-        let stomach = stomach::place(scale, &taken, settings.position.down(), settings.seed);
-        taken.extend(stomach.balls());
-        guts.tubes.push(stomach);
-    }
-    if valve.is_some() {
-        guts.tubes.extend(bowel::jejunum(scale, &taken, settings.seed));
-    }
-    guts
 }
 
 impl Phantom {

@@ -13,6 +13,7 @@ mod centerline;
 mod checks;
 mod chest;
 mod collapse;
+mod collapse_placing;
 mod content;
 mod decoy_placing;
 #[cfg(test)]
@@ -22,13 +23,19 @@ mod features;
 mod ground;
 mod growth;
 mod gut;
+mod gut_placing;
 #[cfg(test)]
 mod gut_tests;
+mod kinds;
 #[cfg(test)]
 mod lesion_tests;
 mod lesions;
+mod lesions_and_decoys;
+mod organ;
+mod paint;
 mod pelvis;
 mod placing;
+mod pools;
 mod profile;
 mod room;
 mod settings;
@@ -36,14 +43,18 @@ mod shape;
 mod solid;
 mod spline;
 mod stomach;
+mod stream;
 mod tag;
 #[cfg(test)]
 mod tests;
+mod texture;
 mod thick;
 mod touching;
+mod touching_placing;
 #[cfg(test)]
 mod touching_tests;
 mod truth;
+mod valve;
 mod voxelise;
 
 use std::ops::Range;
@@ -58,18 +69,20 @@ use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
 use body::Body;
 use centerline::FootPoint;
-use features::{FLUID_SHARE, Pool, Stream};
 use gut::{Guts, Run};
+use pools::{FLUID_SHARE, Pool};
 use profile::{FAT, FLUID, GAS, TISSUE, mix, normal_cdf, sheet_share, smooth_min, smooth_step, tissue_share};
-use room::{grow, has_room};
+use room::has_room;
 use shape::{Attached, DEEP, Distances, Shape};
+use stream::Stream;
 use tag::{Kinds, Seen, Tag};
 use touching::Touching;
+use valve::Valve;
 
-pub use bodies::{BodyKind, NamedPart, TrueBody, TrueValve};
+pub use bodies::{NamedPart, TrueBody, TrueValve};
 pub use centerline::{Centerline, Frame};
-pub use content::Content;
 pub use decoys::{DecoyKind, TrueDecoy};
+pub use kinds::{BodyKind, Content};
 pub use lesions::{PolypShape, PolypSite};
 pub use settings::{NOISE_HU, PhantomSettings, Position, Scanner, Size};
 pub use shape::Polyp;
@@ -104,7 +117,7 @@ pub struct Phantom {
     pools: Vec<Pool>,
     /// Small bowel and stomach.
     guts: Guts,
-    valve: Option<bowel::Valve>,
+    valve: Option<Valve>,
     /// The other kinds of tag.
     tag: Option<Tag>,
     /// For each knot of the axis, the distance within which positions depend on it, mm.
@@ -134,7 +147,7 @@ impl Phantom {
                 .find(has_room)
                 .unwrap_or_else(|| Centerline::new(scale, radius, 0.0, 0))
         };
-        let bent = if settings.touching { touching::axis(scale, radius, settings) } else { None };
+        let bent = if settings.touching { touching_placing::axis(scale, radius, settings) } else { None };
         let (axis, septum) = bent.map_or_else(|| (usual(), None), |(axis, septum)| (axis, Some(septum)));
         let mut shape = features::shape(axis, settings);
         // About 0.65 of a voxel.
@@ -145,25 +158,25 @@ impl Phantom {
         });
         let (seed, down) = (settings.seed, settings.position.down());
         shape.touching.extend(septum.map(|septum| septum.blurred(sigma)));
-        touching::clear(&mut shape);
+        touching_placing::clear(&mut shape);
         if settings.collapsed {
-            collapse::close(&mut shape, seed);
+            collapse_placing::close(&mut shape, seed);
         }
-        let valve = if settings.ileum { bowel::valve(&shape, seed) } else { None };
+        let valve = if settings.ileum { valve::valve(&shape, seed) } else { None };
         if let Some(valve) = &valve {
             decoy_placing::open(&mut shape, valve);
         }
-        let mut pools = if settings.fluid { features::pools(&shape, down, || FLUID_SHARE) } else { Vec::new() };
+        let mut pools = if settings.fluid { pools::pools(&shape, down, || FLUID_SHARE) } else { Vec::new() };
         let mut tag = None;
         if settings.pools || settings.films || settings.stool {
             if settings.pools {
                 // From a quarter to nearly the whole height.
                 let mut draw = Stream::new(seed, 32);
-                pools = features::pools(&shape, down, || 0.25 + 0.65 * draw.within(0.0, 1.0).powi(2));
+                pools = pools::pools(&shape, down, || 0.25 + 0.65 * draw.within(0.0, 1.0).powi(2));
                 features::submerge(&mut shape, &pools, down, sigma, seed);
-                touching::clear(&mut shape);
+                touching_placing::clear(&mut shape);
                 if settings.collapsed {
-                    collapse::close(&mut shape, seed);
+                    collapse_placing::close(&mut shape, seed);
                 }
             }
             let PhantomSettings { films, stool, inhomogeneous, pseudo, position, .. } = *settings;
@@ -177,14 +190,14 @@ impl Phantom {
             pools = Vec::new();
         }
         if settings.lesions || settings.decoys {
-            grow(&mut shape, settings, tag.as_ref(), &pools);
+            lesions_and_decoys::place(&mut shape, settings, tag.as_ref(), &pools);
         }
         // A position whose foot point is half a knot away is slightly farther from the knot than from the foot point.
         let reach = (0..shape.axis.knots().len())
             .map(|i| shape.largest_radius(i as f64 * shape.axis.knot_step()) + DEEP + 1.5)
             .collect();
         let body = Body::new(scale, sigma, hash::bits(seed, 0xB0D7)).with(settings);
-        let guts = gut::place(&shape, scale, valve.as_ref(), settings);
+        let guts = gut_placing::place(&shape, scale, valve.as_ref(), settings);
         let noise_seed = hash::bits(seed, 0x4015E);
         Self {
             settings: *settings,

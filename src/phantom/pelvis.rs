@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::body::{Organ, organ};
+use super::organ::{Organ, organ};
 
 /// Nothing of the bones is above this, an adult's mm.
 pub(crate) const TOP: f64 = -24.0;

@@ -4,11 +4,12 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DMat3, DVec3};
 
-use super::features::{Pool, Stream};
 use super::ground::{Ground, Spot, Taken};
 use super::lesions::{Lesion, PolypShape, PolypSite};
+use super::pools::Pool;
 use super::shape::{Attached, Fold, Shape};
 use super::solid::{Ellipsoid, Rod};
+use super::stream::Stream;
 use crate::math::hash;
 
 /// Length of colon for each lesion, mm.

@@ -160,6 +160,18 @@ impl Plate {
     }
 }
 
+/// Returns the largest extent of balls, mm.
+pub(crate) fn extent(balls: &[(DVec3, f64)]) -> f64 {
+    let pair = |&(c, r): &(DVec3, f64)| balls.iter().map(move |&(d, q)| c.distance(d) + r + q).fold(0.0, f64::max);
+    balls.iter().map(pair).fold(0.0, f64::max)
+}
+
+/// Returns the mean of balls' centres, weighted by their radii.
+pub(crate) fn centre_of(balls: &[(DVec3, f64)]) -> DVec3 {
+    let weight: f64 = balls.iter().map(|b| b.1).sum();
+    balls.iter().map(|b| b.0 * b.1).sum::<DVec3>() / weight
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,10 +2,10 @@
 
 use glam::DVec3;
 
-use super::bodies::BodyKind;
 use super::centerline::Centerline;
-use super::features::Stream;
 use super::gut::{Gut, Ridges};
+use super::kinds::BodyKind;
+use super::stream::Stream;
 
 /// Least tissue between the stomach and other gut, mm.
 const APART_MM: f64 = 3.6;

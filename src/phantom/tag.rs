@@ -10,11 +10,12 @@ use std::f64::consts::TAU;
 use glam::DVec3;
 
 use super::Position;
-use super::decoy_placing::{centre_of, extent};
 use super::decoys::{DecoyKind, TrueDecoy};
-use super::features::{Pool, Stream};
+use super::pools::Pool;
 use super::profile::{FLUID, SHIFT, TISSUE, mix, normal_cdf, normal_cdf_2, smooth_max, smooth_min, smooth_step};
 use super::shape::{DEEP, Distances, Shape};
+use super::solid::{centre_of, extent};
+use super::stream::Stream;
 use crate::math::hash;
 
 /// Range of the HU of inhomogeneous tag.
@@ -263,7 +264,7 @@ impl Stool {
 
 /// Returns a factor around 1 that varies over a few millimetres.
 fn patchy(seed: u64, p: DVec3) -> f64 {
-    0.8 + 0.4 * super::body::lattice(seed, p / 4.0)
+    0.8 + 0.4 * super::texture::lattice(seed, p / 4.0)
 }
 
 fn place_films(shape: &Shape, seed: u64, hu: &mut impl FnMut() -> f64) -> Vec<Film> {

@@ -35,7 +35,7 @@ fn limbs_touch_for_every_seed_and_the_septum_is_the_truths() {
         for seed in 1..=20 {
             let phantom = make(size, seed);
             let TrueSeptum { position, normal, thickness_mm, along_mm } = septum(&phantom);
-            assert!((touching::SEPTUM_MM[0]..=touching::SEPTUM_MM[1]).contains(&thickness_mm));
+            assert!((touching_placing::SEPTUM_MM[0]..=touching_placing::SEPTUM_MM[1]).contains(&thickness_mm));
             assert!((normal.length() - 1.0).abs() < 1e-9 && along_mm[1] - along_mm[0] >= 100.0);
             level += usize::from(normal.z.abs() > 0.85);
             // Between the walls' own values the tissue is thicker than between its edges.

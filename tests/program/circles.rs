@@ -12,70 +12,7 @@ use crate::rust_source::{SourceFile, Use, paths};
 type Module = Vec<String>;
 
 /// The circles that there are, each with its files. They may only shrink.
-const KNOWN: &[&[&str]] = &[
-    &[
-        "src/app/catalog.rs",
-        "src/app/flight/mod.rs",
-        "src/app/images.rs",
-        "src/app/overlay.rs",
-        "src/app/overlays/mod.rs",
-        "src/app/scene.rs",
-    ],
-    &["src/imaging/render/camera/model.rs", "src/imaging/render/camera/perspective.rs"],
-    &["src/imaging/render/gather.rs", "src/imaging/render/regression.rs"],
-    &["src/imaging/render/preset.rs", "src/imaging/render/presets/standard.rs", "src/imaging/render/single.rs"],
-    &[
-        "src/kernels/fields/along.rs",
-        "src/kernels/fields/centerline/cells.rs",
-        "src/kernels/fields/centerline/mod.rs",
-        "src/kernels/fields/centerline/nearest.rs",
-        "src/kernels/fields/centerline/polyline.rs",
-        "src/kernels/fields/cleanse/mod.rs",
-        "src/kernels/fields/connection/mod.rs",
-        "src/kernels/fields/distance/mod.rs",
-        "src/kernels/fields/lumen/kinds/landmarks.rs",
-        "src/kernels/fields/lumen/mod.rs",
-        "src/kernels/fields/lumen/names.rs",
-    ],
-    &["src/kernels/fields/lumen/cells.rs", "src/kernels/fields/lumen/graph.rs"],
-    &["src/kernels/fields/lumen/choose.rs", "src/kernels/fields/lumen/others.rs"],
-    &["src/kernels/fields/lumen/septa/grown.rs", "src/kernels/fields/lumen/septa/places.rs"],
-    &[
-        "src/phantom/bodies.rs",
-        "src/phantom/body.rs",
-        "src/phantom/bowel.rs",
-        "src/phantom/chest.rs",
-        "src/phantom/collapse.rs",
-        "src/phantom/content.rs",
-        "src/phantom/decoy_placing.rs",
-        "src/phantom/decoys.rs",
-        "src/phantom/features.rs",
-        "src/phantom/ground.rs",
-        "src/phantom/gut.rs",
-        "src/phantom/pelvis.rs",
-        "src/phantom/placing.rs",
-        "src/phantom/room.rs",
-        "src/phantom/shape.rs",
-        "src/phantom/stomach.rs",
-        "src/phantom/tag.rs",
-        "src/phantom/touching.rs",
-        "src/phantom/voxelise.rs",
-    ],
-    &["src/scan/volume/io/dicom/copies.rs", "src/scan/volume/io/dicom/even.rs", "src/scan/volume/io/dicom/stack.rs"],
-    &[
-        "src/scan/volume/io/dicom/dataset.rs",
-        "src/scan/volume/io/dicom/fragments.rs",
-        "src/scan/volume/io/dicom/parse.rs",
-        "src/scan/volume/io/dicom/recover.rs",
-    ],
-    &["src/scan/volume/io/folder.rs", "src/scan/volume/io/passed.rs", "src/scan/volume/io/png.rs"],
-    &[
-        "src/scan/volume/io/metaimage.rs",
-        "src/scan/volume/io/nifti.rs",
-        "src/scan/volume/io/nrrd.rs",
-        "src/scan/volume/io/write.rs",
-    ],
-];
+const KNOWN: &[&[&str]] = &[];
 
 /// The files of a crate, by their modules.
 struct Crate {

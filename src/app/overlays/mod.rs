@@ -8,17 +8,16 @@
 //! The colours are close to those of Okabe and Ito (*Color Universal Design*, 2008), which colour-blind people can distinguish.
 //! None is close to the pink of the wall, and no information is conveyed by colour alone.
 
+mod built_in;
 pub mod forces;
 pub mod gaps;
 pub mod mines;
 pub mod surroundings;
 pub mod tentacles;
 
-use crate::Overlay;
-use crate::overlay::{Align, Canvas, Colour, Place2};
+pub use built_in::BUILT_IN;
 
-/// All overlays of this crate.
-pub const BUILT_IN: [Overlay; 4] = [tentacles::OVERLAY, mines::OVERLAY, forces::OVERLAY, gaps::OVERLAY];
+use crate::overlay::{Align, Canvas, Colour, Place2};
 
 /// Outline of the marks, so that they stand out on every background.
 const EDGE: Colour = [0, 0, 0];
@@ -109,7 +108,7 @@ mod tests {
     use crate::overlay::Mark;
     use crate::render::View;
     use crate::testing::Room;
-    use crate::{FlightApp, Plan, Scene};
+    use crate::{FlightApp, Overlay, Plan, Scene};
 
     /// Returns a flight along +y through a room of 20 × 80 × 20 mm, 60 mm from its beginning.
     pub(super) fn flight_in_a_room(scene: Scene) -> FlightApp {

@@ -6,8 +6,6 @@ use glam::Vec4;
 
 use crate::volume::{AIR_HU, Grid, Volume};
 
-use super::regression::Block;
-
 /// The voxels of a volume, each stored as a `V`.
 #[derive(Clone, Copy)]
 pub(crate) struct Voxels<'a, V> {
@@ -57,9 +55,9 @@ impl<V: Copy> Voxels<'_, V> {
         }
     }
 
-    /// Returns the 4×4×4 voxels from `first` on, counted from voxel −1, as numbers.
+    /// Returns the 4×4×4 voxels from `first` on, counted from voxel −1, as numbers: rows along x, `[z][y]`.
     #[inline(always)]
-    pub(crate) fn block(&self, first: [i32; 3], number: impl Fn(V) -> f32) -> Block {
+    pub(crate) fn block(&self, first: [i32; 3], number: impl Fn(V) -> f32) -> [[Vec4; 4]; 4] {
         let dims = self.grid.dims();
         let inside = |a: usize| first[a] >= 1 && first[a] as usize + 3 <= dims[a];
         if inside(0) && inside(1) && inside(2) {

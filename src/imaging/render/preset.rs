@@ -41,10 +41,6 @@ pub struct Preset {
 }
 
 impl Preset {
-    /// The default renderer without a name, for scenes that choose none of its techniques. Use it as the base of others: `..Preset::BASE`.
-    pub const BASE: Self =
-        Self { name: "", summary: "", memory: "", takes: super::choices::none, ..super::presets::standard::PRESET };
-
     /// Checks that the preset supports the settings, and that these are in range.
     ///
     /// # Errors

@@ -17,7 +17,6 @@ pub mod voxels;
 #[doc(hidden)]
 pub mod wall;
 
-use along::AsScanned;
 pub use along::{Along, AlongColon};
 pub use centerline::{Centerline, CenterlineMethod};
 pub use clearance::{Clearance, ClearanceFinder, Clearances};

@@ -116,9 +116,6 @@ const LEAST_DEGREES: f64 = 1.0;
 const MOST_PERSPECTIVE_DEGREES: f64 = 170.0;
 
 impl CameraModel {
-    /// A perspective camera without a name. Use it as the base of others: `..CameraModel::BASE`.
-    pub const BASE: Self = Self { name: "", summary: "", ..super::perspective::MODEL };
-
     /// Creates the camera for a view angle, degrees over the image's shorter side, and for an image's width divided by its height.
     ///
     /// # Errors

@@ -19,6 +19,11 @@ pub const MODEL: CameraModel = CameraModel {
     },
 };
 
+impl CameraModel {
+    /// A perspective camera without a name. Use it as the base of others: `..CameraModel::BASE`.
+    pub const BASE: Self = Self { name: "", summary: "", ..MODEL };
+}
+
 /// Positions nearer than this to the plane through the camera, as a share of their distance, are not visible.
 const GRAZING: f64 = 1e-3;
 

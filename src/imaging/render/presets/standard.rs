@@ -24,6 +24,11 @@ pub const PRESET: Preset = Preset {
     make,
 };
 
+impl Preset {
+    /// The default renderer without a name, for scenes that choose none of its techniques. Use it as the base of others: `..Preset::BASE`.
+    pub const BASE: Self = Self { name: "", summary: "", memory: "", takes: choices::none, ..PRESET };
+}
+
 fn make(volume: &PreparedVolume, settings: Settings, reuse: Reuse) -> Box<dyn Renderer> {
     // Packets classify by values alone, and have their own leaping, shading and ray starts.
     let single = settings.classification != Classification::Value || settings.choices.need_single_rays();

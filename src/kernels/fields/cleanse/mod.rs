@@ -11,13 +11,12 @@ mod block;
 mod changes;
 mod islands;
 mod layer;
+mod model;
 mod pool;
 mod pools;
 mod residue;
 mod scanner;
 mod slab;
-
-use std::fmt;
 
 use super::Lumen;
 use super::lumen::Segment;
@@ -26,7 +25,7 @@ use crate::progress::Progress;
 use crate::volume::Volume;
 
 pub use changes::Changes;
-pub use pool::CleansedPool;
+pub use model::{Cleansed, CleansedPool, Left};
 
 /// HU of gas and of the colon's wall.
 const GAS: f32 = -1000.0;
@@ -36,48 +35,6 @@ const TISSUE: f32 = 40.0;
 const WALL_HU: i16 = -650;
 const FREE_HU: i16 = -690;
 const SOLID_HU: i16 = -610;
-
-/// A scan's colon without tag.
-#[derive(Clone, Debug, Default)]
-pub struct Cleansed {
-    /// The values around what was taken out; some are as they were.
-    pub changes: Changes,
-    /// The pools that were taken out.
-    pub pools: Vec<CleansedPool>,
-    /// Volume of the films and the stool that were taken out, ml.
-    pub residue_ml: f64,
-    /// Volume of all tag that was taken out, ml.
-    pub replaced_ml: f64,
-    /// Tag that was left.
-    pub left: Vec<Left>,
-    /// Standard deviation of the scan's blur, mm; 0 without tagged fluid, where it is not used.
-    pub blur_mm: f64,
-}
-
-/// Tag that was not taken out.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Left {
-    /// Volume, ml.
-    pub ml: f64,
-    /// Why.
-    pub why: &'static str,
-}
-
-impl fmt::Display for Cleansed {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.changes.is_empty() {
-            return f.write_str("the colon contains no tagged fluid or stool: the scan is unchanged");
-        }
-        let pools = self.pools.len();
-        write!(f, "removed {:.1} ml of tagged fluid and stool: {pools} ", self.replaced_ml)?;
-        f.write_str(if pools == 1 { "pool" } else { "pools" })?;
-        if self.residue_ml > 0.0 {
-            write!(f, " and {:.1} ml of films and stool", self.residue_ml)?;
-        }
-        let left: f64 = self.left.iter().map(|l| l.ml).sum();
-        if left > 0.05 { write!(f, "; {left:.1} ml remain") } else { Ok(()) }
-    }
-}
 
 /// What is known of the scanner.
 #[derive(Clone, Copy, Debug)]

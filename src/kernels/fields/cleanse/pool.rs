@@ -20,9 +20,10 @@ use rayon::prelude::*;
 
 use super::block::{Block, Bricks, CellMeans, Mask, Phi};
 use super::changes::Changes;
+use super::model::{CleansedPool, Left};
 use super::pools::Split;
 use super::slab::Slabs;
-use super::{GAS, Left, SOLID_HU, Scanner, TISSUE, WALL_HU, step};
+use super::{GAS, SOLID_HU, Scanner, TISSUE, WALL_HU, step};
 use crate::error::Result;
 use crate::fields::Lumen;
 use crate::fields::lumen::frame::AxisDirection;
@@ -56,17 +57,6 @@ const PURE: f64 = 60.0;
 const RAISED: f32 = 2.5;
 /// How much a level holds to the grid's axis: the spread (voxels²) at which half of its slope is trusted.
 const HOLD: f64 = 4.0;
-
-/// A pool that was taken out.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CleansedPool {
-    /// Volume of the fluid, ml.
-    pub ml: f64,
-    /// Mean HU of its tag.
-    pub tag_hu: f64,
-    /// A point of its level and the unit normal, upwards; world.
-    pub level: [DVec3; 2],
-}
 
 /// A run of voxels: j, k and the range of i.
 pub(super) type Place = (usize, usize, Range<usize>);

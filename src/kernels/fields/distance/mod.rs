@@ -17,6 +17,7 @@
 #[doc(hidden)]
 pub mod compare;
 mod envelope;
+mod of_lumen;
 pub(in crate::fields) mod spline;
 #[cfg(test)]
 mod tests;
@@ -25,7 +26,6 @@ mod transform;
 use glam::DVec3;
 
 use super::clearance::smallest_singular_value;
-use super::lumen::{GAS_HU, Lumen};
 use super::voxels::VoxelSet;
 use super::{Clearance, Clearances, Distance, Sample};
 use crate::error::{Error, Result};
@@ -61,33 +61,6 @@ pub struct WallDistance {
 }
 
 impl WallDistance {
-    /// Computes the distance to the wall of a lumen found in `volume`.
-    ///
-    /// # Errors
-    /// Returns status 4 when interrupted, status 3 if there are more voxels than can be numbered.
-    pub fn of_lumen(volume: &Volume, lumen: &Lumen, through: Through, progress: &Progress) -> Result<Self> {
-        let fluid = (through == Through::GasAndFluid).then(|| lumen.fluid().iter());
-        let runs = lumen.gas().iter().chain(fluid.into_iter().flatten()).map(|(j, k, r)| (j, k, r.range()));
-        let inside = VoxelSet::from_runs(volume.grid().dims(), runs).ok_or_else(too_many)?;
-        Self::build(volume.grid(), &inside, Some((volume.data(), GAS_HU)), SHELL, progress)
-    }
-
-    /// Same as [`WallDistance::of_lumen`] for gas and fluid, plus distances outside (in the shell, negative) up to at
-    /// least `reach_mm`.
-    ///
-    /// # Errors
-    /// Same as [`WallDistance::of_lumen`].
-    pub fn around_lumen(volume: &Volume, lumen: &Lumen, reach_mm: f64, progress: &Progress) -> Result<Self> {
-        let runs = lumen.gas().iter().chain(lumen.fluid().iter()).map(|(j, k, r)| (j, k, r.range()));
-        let inside = VoxelSet::from_runs(volume.grid().dims(), runs).ok_or_else(too_many)?;
-        let grid = volume.grid();
-        // Maximum number of indices that a world distance spans.
-        let inverse = grid.to_voxel().matrix3.transpose();
-        let reach = [0, 1, 2].map(|a| (inverse.col(a).length() * reach_mm).ceil() as usize);
-        let shell = reach.into_iter().max().unwrap_or(0) + SHELL;
-        Self::build(grid, &inside, Some((volume.data(), GAS_HU)), shell, progress)
-    }
-
     /// Computes the distance to the boundary of a mask. Every nonzero voxel is lumen.
     ///
     /// # Errors

@@ -5,6 +5,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::fields::ClearanceFinder;
+use crate::fields::lumen::GAS_HU;
 use crate::math::hash::uniform;
 
 fn grid(dims: [usize; 3], spacing: DVec3) -> Grid {

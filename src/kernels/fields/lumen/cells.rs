@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use super::graph::Node;
+use glam::DVec3;
+
 use crate::volume::Grid;
 
 /// Minimum side of a cell, mm.
@@ -25,14 +26,15 @@ impl Cells {
     /// No node.
     pub(super) const NONE: u32 = u32::MAX;
 
-    /// Sorts the nodes of a map into cells. The mean of a node's voxels is inside its cell, by half a voxel at least.
-    pub(super) fn of(grid: &Grid, nodes: &[Node]) -> Self {
+    /// Sorts the nodes of a map into cells, given the mean of each one's voxels (world, mm): it is inside the node's cell, by half a
+    /// voxel at least.
+    pub(super) fn of(grid: &Grid, centres: impl DoubleEndedIterator<Item = DVec3> + ExactSizeIterator) -> Self {
         let side = cell(grid);
         let dims: [usize; 3] = std::array::from_fn(|a| grid.dims()[a].div_ceil(side[a]));
         let first = vec![Self::NONE; dims.iter().product()];
-        let mut out = Self { side, dims, first, next: vec![Self::NONE; nodes.len()] };
-        for n in (0..nodes.len()).rev() {
-            let voxel = (grid.voxel(nodes[n].centre) + 0.5).to_array();
+        let mut out = Self { side, dims, first, next: vec![Self::NONE; centres.len()] };
+        for (n, centre) in centres.enumerate().rev() {
+            let voxel = (grid.voxel(centre) + 0.5).to_array();
             let cell = out.index([0, 1, 2].map(|a| (voxel[a].max(0.0) as usize / side[a]).min(dims[a] - 1)));
             out.next[n] = std::mem::replace(&mut out.first[cell], n as u32);
         }

@@ -149,7 +149,7 @@ impl Graph {
 
     /// Returns the nodes in each cell.
     pub(crate) fn cells(&self, grid: &Grid) -> Cells {
-        Cells::of(grid, &self.nodes)
+        Cells::of(grid, self.nodes.iter().map(|n| n.centre))
     }
 
     /// Returns the runs that the map was made of, labelled with what `label` makes of the number of their node. Fails if cancelled,

@@ -1,12 +1,15 @@
 //! Judgement of the bodies of gas that may be colon, and the lumen of those that are.
 
+use super::bodies::{Bodies, Core, measured};
 use super::frame::Frame;
 use super::graph::Graph;
 use super::kinds::rules::{self, Chain};
 use super::kinds::{Considered, Features, GasKind, Judged, Landmarks, features, necks};
+use super::model::{Lumen, Told};
+use super::order::{self, Body};
 use super::others::Other;
 use super::runs::{Rows, touching};
-use super::{Bodies, Body, Core, Lumen, SNAP_MM, Told, ends, measured, order};
+use super::{SNAP_MM, ends};
 use crate::error::Result;
 use crate::math::sets::Sets;
 use crate::progress::Progress;

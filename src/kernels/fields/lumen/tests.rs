@@ -6,10 +6,13 @@ mod skips;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec3};
+use rayon::prelude::*;
 
 use super::*;
 use crate::math::hash;
 use crate::phantom::{Phantom, PhantomSettings, Size};
+use crate::progress::Progress;
+use crate::volume::{Grid, Volume};
 
 /// HU.
 const GAS: f64 = -1000.0;

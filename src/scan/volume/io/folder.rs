@@ -5,7 +5,8 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::passed::{self, Passed};
-use super::source;
+use super::recognise::{HEAD, is_bare_dicom, is_dicom, is_png};
+use super::{png, source};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 
@@ -13,9 +14,6 @@ use crate::progress::Progress;
 const DEEPEST: usize = 8;
 /// Maximum number of files; more than any scan has.
 const MOST_FILES: usize = 200_000;
-
-/// Number of bytes at the start of a file by which its format is recognised.
-pub(crate) const HEAD: u64 = 512;
 
 /// The slices of a folder, in natural order of names.
 pub(crate) enum Folder {
@@ -41,14 +39,14 @@ pub(crate) fn open(path: &Path, progress: &Progress) -> Result<(Folder, Vec<Stri
             rest.push((file, Err(e)));
         } else if is_dicom(&head) || is_bare_dicom(&head) {
             dicom.push(file.clone());
-        } else if super::png::recognises(&head) && file.parent() == Some(path) {
+        } else if is_png(&head) && file.parent() == Some(path) {
             png.push(file.clone());
         } else {
             rest.push((file, Ok(head)));
         }
     }
     if dicom.is_empty() && !png.is_empty() {
-        let notes = super::png::check_folder(path, &png, rest, passed)?;
+        let notes = png::check_folder(path, &png, rest, passed)?;
         return Ok((Folder::Png(png), notes));
     }
     if dicom.is_empty() && rest.len() == files.len() {
@@ -83,23 +81,6 @@ pub(crate) fn open(path: &Path, progress: &Progress) -> Result<(Folder, Vec<Stri
             Error::file(path, format!("is a folder of {n} files, none of them DICOM or PNG"), super::SUPPORTED)
         }
     })
-}
-
-/// True if the bytes are the start of a DICOM file (with the 128-byte preamble, or directly with its meta group).
-pub(crate) fn is_dicom(head: &[u8]) -> bool {
-    head.get(128..132) == Some(b"DICM") || head.starts_with(b"\x02\0\0\0UL")
-}
-
-/// True if the bytes are the start of a DICOM data set without preamble. Ask this last: its signs are weaker than those of others.
-#[cfg(feature = "dicom")]
-pub(crate) fn is_bare_dicom(head: &[u8]) -> bool {
-    super::dicom::begins_bare(head)
-}
-
-/// Without DICOM, no file is.
-#[cfg(not(feature = "dicom"))]
-pub(crate) fn is_bare_dicom(_: &[u8]) -> bool {
-    false
 }
 
 fn collect(

@@ -13,7 +13,7 @@ use super::frame;
 use super::raw::{ByteOrder, Element, Encoding};
 use super::source::{self, Packing, Section};
 use super::text::{self, bad, exactly, some};
-use super::write::VoxelKind;
+use super::voxels::VoxelKind;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};

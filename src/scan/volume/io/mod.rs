@@ -17,9 +17,11 @@ mod padding;
 mod passed;
 mod png;
 mod raw;
+mod recognise;
 mod source;
 pub mod study;
 mod text;
+mod voxels;
 mod write;
 
 use std::path::{Path, PathBuf};
@@ -286,15 +288,15 @@ fn file_format(path: &Path) -> Result<Format> {
         }
     } else if nrrd::recognises(&head) {
         Ok(Format::Nrrd)
-    } else if folder::is_dicom(&head) {
+    } else if recognise::is_dicom(&head) {
         Ok(Format::Dicom(vec![path.to_owned()]))
     } else if nifti::recognises(&head) {
         Ok(Format::Nifti)
     } else if metaimage::recognises(&head) {
         Ok(Format::MetaImage)
-    } else if png::recognises(&head) {
+    } else if recognise::is_png(&head) {
         Err(Error::file(path, "is a single PNG", "give the folder of all its slices"))
-    } else if folder::is_bare_dicom(&head) {
+    } else if recognise::is_bare_dicom(&head) {
         Ok(Format::Dicom(vec![path.to_owned()]))
     } else {
         Err(Error::file(path, "is not in a supported format", SUPPORTED))
@@ -369,7 +371,7 @@ fn strange_note(count: usize) -> Option<String> {
 /// # Errors
 /// Returns status 2 for an unknown extension, status 4 if cancelled, status 5 if the file cannot be written.
 pub fn save(path: &Path, volume: &Volume, progress: &Progress) -> Result<()> {
-    write::write(path, volume.grid(), write::Voxels::Scan(volume.data()), progress)
+    write::write(path, volume.grid(), voxels::Voxels::Scan(volume.data()), progress)
 }
 
 /// Checks that a file's ending names a format that can be written, before any work is done.
@@ -396,8 +398,8 @@ pub fn written_note(path: &Path, grid: &Grid) -> Option<String> {
 pub fn is_dicom(path: &Path) -> bool {
     use std::io::Read;
     let mut head = Vec::new();
-    let read = std::fs::File::open(path).and_then(|f| f.take(folder::HEAD).read_to_end(&mut head));
-    read.is_ok() && (folder::is_dicom(&head) || folder::is_bare_dicom(&head))
+    let read = std::fs::File::open(path).and_then(|f| f.take(recognise::HEAD).read_to_end(&mut head));
+    read.is_ok() && (recognise::is_dicom(&head) || recognise::is_bare_dicom(&head))
 }
 
 /// Writes a label mask (one byte per voxel, x fastest) on `grid`. The file extension selects the format.
@@ -409,7 +411,7 @@ pub fn save_mask(path: &Path, grid: &Grid, mask: &[u8], progress: &Progress) -> 
         let why = format!("{} labels for {} voxels", mask.len(), grid.len());
         return Err(Error::fault(path.display().to_string(), why, "report this as a bug"));
     }
-    write::write(path, grid, write::Voxels::Labels(mask), progress)
+    write::write(path, grid, voxels::Voxels::Labels(mask), progress)
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use super::frame::{self, RAS_LPS};
 use super::raw::{ByteOrder, Element, Encoding};
 use super::source::{self, Packing, Section};
 use super::text;
-use super::write::VoxelKind;
+use super::voxels::VoxelKind;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};

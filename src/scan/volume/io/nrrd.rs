@@ -15,7 +15,7 @@ use super::Scanned;
 use super::raw::{ByteOrder, Element, Encoding};
 use super::source::{self, Packing, Section};
 use super::text::{self, bad, exactly};
-use super::write::VoxelKind;
+use super::voxels::VoxelKind;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};

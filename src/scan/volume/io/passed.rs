@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{folder, png, source};
+use super::recognise::{HEAD, is_bare_dicom, is_dicom, is_png};
+use super::source;
 
 /// Why a file is skipped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -141,7 +142,7 @@ pub(crate) fn kind(path: &Path, head: &[u8], like_slice: bool) -> Option<Kind> {
         return (!is_companion(path) || like_slice).then_some(Kind::Empty);
     }
     if head.starts_with(&[0x1F, 0x8B]) {
-        let inside = source::head(path, folder::HEAD).is_ok_and(|h| folder::is_dicom(&h) || folder::is_bare_dicom(&h));
+        let inside = source::head(path, HEAD).is_ok_and(|h| is_dicom(&h) || is_bare_dicom(&h));
         return Some(if inside { Kind::Gzip } else { Kind::Archive }).filter(|_| inside || !is_companion(path));
     }
     if [&b"PK\x03\x04"[..], b"7z\xBC\xAF\x27\x1C", b"BZh", b"\xFD7zXZ\0", b"Rar!\x1A\x07", b"\x28\xB5\x2F\xFD"]
@@ -156,7 +157,7 @@ pub(crate) fn kind(path: &Path, head: &[u8], like_slice: bool) -> Option<Kind> {
     if like_slice || SLICES.contains(&&*ending(path)) || preamble && !is_companion(path) {
         return Some(Kind::Damaged);
     }
-    if is_companion(path) || png::recognises(head) {
+    if is_companion(path) || is_png(head) {
         return None;
     }
     Some(Kind::Unknown)

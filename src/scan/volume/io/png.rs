@@ -8,6 +8,7 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::passed::{self, Passed};
+use super::recognise::is_png;
 use super::{LoadOptions, Scanned, frame, normalise, source};
 use crate::error::{Error, Result};
 use crate::output::png::{Decoder, DecodingError, Fault};
@@ -16,11 +17,6 @@ use crate::volume::Volume;
 
 /// Maximum side of a slice, pixels.
 const LONGEST_SIDE: u32 = 16384;
-
-/// True if the bytes are the start of a PNG file.
-pub(crate) fn recognises(head: &[u8]) -> bool {
-    head.starts_with(b"\x89PNG\r\n\x1a\n")
-}
 
 /// Files of a folder that are no PNG, with their first bytes, or why these cannot be read.
 pub(crate) type Rest<'a> = Vec<(&'a PathBuf, Result<Vec<u8>>)>;
@@ -40,7 +36,7 @@ pub(crate) fn check_folder(folder: &Path, files: &[PathBuf], rest: Rest, mut pas
                 let why = if head.is_empty() { "is empty" } else { "is named like a slice but is not a PNG" };
                 return Err(Error::file(file, why, "export it again"));
             }
-            Ok(head) if recognises(&head) => passed.add(passed::Kind::Below, file),
+            Ok(head) if is_png(&head) => passed.add(passed::Kind::Below, file),
             Ok(head) => {
                 if let Some(kind) = passed::kind(file, &head, false) {
                     passed.add(kind, file);

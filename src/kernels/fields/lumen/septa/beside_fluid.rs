@@ -1,7 +1,8 @@
 //! Septa between gas and the fluid of another limb. Tagged fluid meets gas at its level: where it touches gas far from there, a wall
 //! lies between them.
 
-use super::grown::{Grown, Hop};
+use super::grown::Grown;
+use super::places::Hop;
 use crate::fields::lumen::cells::by_cells;
 use crate::fields::lumen::fluid::Fluid;
 use crate::fields::lumen::runs::{Run, touching};

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use rayon::prelude::*;
 
 use super::Hiding;
-use super::places::Places;
+use super::places::{Hop, Places};
 use crate::error::Result;
 use crate::fields::lumen::fluid::Fluid;
 use crate::fields::lumen::graph::Graph;
@@ -39,20 +39,6 @@ pub(in crate::fields::lumen) struct Grown {
     pub(super) places: Places,
     pub(super) far: u32,
     hiding: Hiding,
-}
-
-/// Where a node is in its piece of gas. Two nodes of a piece are at least as many contacts apart as their numbers differ.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Hop {
-    pub piece: u32,
-    pub contacts: u32,
-}
-
-impl Hop {
-    /// True if the path from one to the other through the core has at least `far` contacts, or if there is no path.
-    pub(super) fn is_far(self, other: Self, far: u32) -> bool {
-        self.piece != other.piece || self.contacts.abs_diff(other.contacts) >= far
-    }
 }
 
 impl Grown {

@@ -4,7 +4,6 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::grown::Hop;
 use crate::fields::lumen::cells::Cells;
 use crate::fields::lumen::graph::Graph;
 use crate::volume::Grid;
@@ -14,6 +13,20 @@ use crate::volume::Grid;
 pub(super) struct Places {
     pub cells: Cells,
     hops: Vec<Hop>,
+}
+
+/// Where a node is in its piece of gas. Two nodes of a piece are at least as many contacts apart as their numbers differ.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Hop {
+    pub piece: u32,
+    pub contacts: u32,
+}
+
+impl Hop {
+    /// True if the path from one to the other through the core has at least `far` contacts, or if there is no path.
+    pub(super) fn is_far(self, other: Self, far: u32) -> bool {
+        self.piece != other.piece || self.contacts.abs_diff(other.contacts) >= far
+    }
 }
 
 /// Where the nodes of some cells are.

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use glam::DVec3;
 
+use super::even::SAME_PLACE;
 use super::pixels;
 use super::slice::Slice;
-use super::stack::SAME_PLACE;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 

@@ -1,7 +1,7 @@
 //! How slices lie along their normal: evenly, or as those of several passes.
 
-use super::stack::SAME_PLACE;
-
+/// Slices closer than this are at the same position, mm.
+pub(crate) const SAME_PLACE: f64 = 1e-3;
 /// Maximum deviation of a step from the usual one: a fraction of it, and the effect of rounding both written positions to a tenth
 /// of a millimetre, mm. At most a fraction of the step.
 const UNEVEN: (f64, f64, f64) = (0.1, 0.12, 0.4);

@@ -1,7 +1,7 @@
 //! The fragments of encapsulated pixel data (PS3.5, A.4).
 
-use super::dataset::{Fault, ITEM, SEQUENCE_END, Walk};
-use super::recover::EXPLICIT;
+use super::dataset::{EXPLICIT, Fault, ITEM, SEQUENCE_END};
+use super::walk::Walk;
 
 /// Returns the fragments of encapsulated pixel data, without the preceding offset table.
 ///

@@ -5,7 +5,8 @@ use std::ffi::OsString;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::dataset::{self, Tag};
+use super::dataset::Tag;
+use super::parse::parse;
 use crate::error::{Error, Result};
 use crate::volume::io::source;
 
@@ -39,7 +40,7 @@ pub(crate) fn read(path: &Path) -> Result<Option<Index>> {
     }
     let mut bytes = Vec::new();
     file.take(len).read_to_end(&mut bytes).map_err(|e| source::unreadable(path, e))?;
-    let Ok((set, _)) = dataset::parse(&bytes) else { return Ok(None) };
+    let Ok((set, _)) = parse(&bytes) else { return Ok(None) };
     let records = set.root.items(RECORDS);
     if records.is_empty() && set.root.text(FILE_SET_ID).is_none() {
         return Ok(None);

@@ -25,6 +25,7 @@ mod slice;
 mod stack;
 mod study;
 mod units;
+mod walk;
 
 use std::path::{Path, PathBuf};
 

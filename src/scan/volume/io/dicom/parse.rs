@@ -3,8 +3,9 @@
 use std::borrow::Cow;
 use std::io::Read;
 
-use super::dataset::{DataSet, Fault, Form, ITEM_END, Item, SEQUENCE_END, Tag, Walk};
-use super::recover::{self, EXPLICIT, IMPLICIT};
+use super::dataset::{DataSet, EXPLICIT, Fault, Form, IMPLICIT, ITEM_END, Item, SEQUENCE_END, Tag};
+use super::recover;
+use super::walk::Walk;
 use crate::volume::io::raw::ByteOrder;
 
 const TRANSFER_SYNTAX: Tag = (0x0002, 0x0010);
@@ -141,3 +142,7 @@ fn root(walk: &mut Walk, set: &mut DataSet, whole: bool) -> Result<(), Fault> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+#[path = "parse_tests.rs"]
+mod tests;

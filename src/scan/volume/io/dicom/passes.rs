@@ -267,7 +267,7 @@ fn runs(own: &[usize], lines: &Lines, key: impl Fn(usize) -> Option<f64>, fallin
     let mut copies: Vec<(usize, usize)> = Vec::new();
     let mut before: Option<(f64, f64)> = None;
     for (key, t, s) in order {
-        if before.is_some_and(|b| b.0 == key && (b.1 - t).abs() < stack::SAME_PLACE) {
+        if before.is_some_and(|b| b.0 == key && (b.1 - t).abs() < even::SAME_PLACE) {
             copies.push((groups.len() - 1, s));
             continue;
         }
@@ -312,7 +312,7 @@ fn cost(groups: &[Vec<usize>], lines: &Lines, faults: usize) -> Option<usize> {
     ranges.sort_by(|a, b| a[0].total_cmp(&b[0]));
     let mut reach = f64::NEG_INFINITY;
     let overlap = ranges.iter().any(|[low, high]| {
-        let within = *low < reach + stack::SAME_PLACE;
+        let within = *low < reach + even::SAME_PLACE;
         reach = reach.max(*high);
         within
     });

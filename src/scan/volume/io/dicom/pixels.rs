@@ -8,8 +8,10 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::codestream::{Codec, HARMLESS, MOST_EXPANSION, frame_of, unpack};
-use super::dataset::{self, Fault};
+use super::dataset::Fault;
+use super::fragments::fragments;
 use super::lut::Lut;
+use super::parse::parse;
 use super::samples::{self, Layout, Padded};
 use super::slice::{self, FileHead, Slice};
 use crate::error::{Error, Result};
@@ -113,12 +115,12 @@ fn decode_file(file: &FileHead, frames: Vec<Target>, progress: &Progress) -> Res
             let bytes = read(path, 0, usize::try_from(len).unwrap_or(usize::MAX))?;
             let body = match codec {
                 // The pixel position refers to the inflated bytes.
-                Codec::Native(_) => dataset::parse(&bytes).map_err(|e| fault(path, e))?.1,
+                Codec::Native(_) => parse(&bytes).map_err(|e| fault(path, e))?.1,
                 _ => Cow::Borrowed(&bytes[..]),
             };
             let parts = match codec {
                 Codec::Native(_) => Vec::new(),
-                _ => dataset::fragments(&body, file.pixels.offset).map_err(|e| fault(path, e))?,
+                _ => fragments(&body, file.pixels.offset).map_err(|e| fault(path, e))?,
             };
             frames
                 .into_par_iter()

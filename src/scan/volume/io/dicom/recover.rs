@@ -1,6 +1,8 @@
 //! What the bytes of a data set reveal if its header is missing or wrong: the encoding, and where the next sound element begins.
 
-use super::dataset::{FLOAT_PIXEL_DATA, Form, ITEM, ITEM_END, PIXEL_DATA, SEQUENCE_END, Tag, UNDEFINED};
+use super::dataset::{
+    EXPLICIT, FLOAT_PIXEL_DATA, Form, IMPLICIT, ITEM, ITEM_END, PIXEL_DATA, SEQUENCE_END, Tag, UNDEFINED,
+};
 use crate::volume::io::raw::ByteOrder;
 
 /// The value representations of PS3.5, 6.2, whose lengths take four bytes in explicit form.
@@ -11,8 +13,6 @@ const SHORT: [&[u8; 2]; 21] = [
     b"AE", b"AS", b"AT", b"CS", b"DA", b"DS", b"DT", b"FL", b"FD", b"IS", b"LO", b"LT", b"PN", b"SH", b"SL", b"SS",
     b"ST", b"TM", b"UI", b"UL", b"US",
 ];
-pub(super) const EXPLICIT: Form = Form { explicit: true, order: ByteOrder::Little };
-pub(super) const IMPLICIT: Form = Form { explicit: false, order: ByteOrder::Little };
 const BIG: Form = Form { explicit: true, order: ByteOrder::Big };
 /// Elements that say what the voxels are, where they lie and whose they are, as ranges: damage there is never skipped.
 const WANTED: [(Tag, Tag); 18] = [

@@ -5,10 +5,11 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::dataset::{self, DataSet, Fault, Item, Oddities, PixelPlace, Tag};
+use super::dataset::{DataSet, Fault, Item, Oddities, PixelPlace, Tag};
 use super::lut;
 use super::marks::Marks;
 use super::origin::Origin;
+use super::parse;
 use super::units::Units;
 use crate::error::{Error, Result};
 use crate::volume::io::source;
@@ -159,7 +160,7 @@ fn parsed(path: &Path) -> Result<std::result::Result<(DataSet, u64), (Item, Erro
     let mut bytes = head(path, FIRST_BYTES.min(len))?;
     loop {
         let whole = bytes.len() as u64 >= len;
-        match if whole { dataset::parse(&bytes) } else { dataset::parse_first(&bytes) } {
+        match if whole { parse::parse(&bytes) } else { parse::parse_first(&bytes) } {
             Ok((set, body)) => {
                 // The file continues beyond the bytes read so far, unless the body was inflated.
                 let room = if matches!(body, std::borrow::Cow::Owned(_)) { body.len() as u64 } else { len };
@@ -171,7 +172,7 @@ fn parsed(path: &Path) -> Result<std::result::Result<(DataSet, u64), (Item, Erro
                     Fault::Short => "ends early, inside its header".to_owned(),
                     Fault::Bad(why) => why,
                 });
-                return Ok(Err((dataset::parse_start(&bytes), fault)));
+                return Ok(Err((parse::parse_start(&bytes), fault)));
             }
         }
     }
@@ -420,7 +421,7 @@ mod tests {
         for (allocated, needed) in [(8, 6), (16, 12)] {
             let read = |bytes: u32, missing: u64| {
                 let file = file(allocated, bytes);
-                let (set, _) = dataset::parse(&file).unwrap();
+                let (set, _) = parse::parse(&file).unwrap();
                 let slices = slices(Path::new("x"), &set, file.len() as u64 - missing);
                 assert_eq!((slices.len(), slices[0].file.rows, slices[0].file.cols), (1, 2, 3));
                 slices[0].fault.as_ref().map(Error::to_string)

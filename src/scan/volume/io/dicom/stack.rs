@@ -11,8 +11,6 @@ use crate::progress::Progress;
 use crate::volume::Grid;
 use crate::volume::io::frame;
 
-/// Slices closer than this are at the same position, mm.
-pub(crate) const SAME_PLACE: f64 = 1e-3;
 /// Maximum sideways offset of slices from the line through the first and the last, mm.
 const SIDEWAYS: f64 = 0.5;
 /// Maximum deviation of a slice from its position in a regular stack: a fraction of the spacing, and the effect of

@@ -1,4 +1,5 @@
 use super::*;
+use crate::volume::io::dicom::dataset::PixelPlace;
 
 fn file(syntax: &str, body: &[u8]) -> Vec<u8> {
     let mut uid = syntax.as_bytes().to_vec();
