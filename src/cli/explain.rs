@@ -6,8 +6,9 @@ use std::sync::Arc;
 use crate::app::FlightApp;
 use crate::app::explain::explain;
 use crate::cli::args::{ExplainArgs, Global};
+use crate::cli::messages::print;
 #[cfg(feature = "window")]
-use crate::cli::messages::{print, say};
+use crate::cli::messages::say;
 use crate::cli::{Program, fly};
 use crate::components::output::FrameCache;
 #[cfg(feature = "window")]
