@@ -16,10 +16,14 @@ pub(crate) use colvis_imaging::render;
 #[cfg(feature = "window")]
 pub(crate) use colvis_imaging::{polyps, space};
 #[cfg(feature = "window")]
-pub(crate) use colvis_kernels::{dynamics, fields};
+pub(crate) use colvis_kernels::dynamics;
+#[cfg(any(feature = "window", test))]
+pub(crate) use colvis_kernels::fields;
 #[cfg(test)]
 pub(crate) use colvis_phantom as phantom;
 pub(crate) use colvis_plane as plane;
+#[cfg(any(feature = "window", test))]
+pub(crate) use colvis_scan::volume;
 pub(crate) use colvis_scan::{error, output, progress};
 #[cfg(feature = "window")]
-pub(crate) use colvis_scan::{math, panics, volume};
+pub(crate) use colvis_scan::{math, panics};

@@ -41,13 +41,12 @@ pub(crate) struct Document {
 }
 
 impl Document {
-    /// Reads what was found in the scan with these files. If one of them is damaged, returns its error too: there are no findings then,
-    /// and none are stored.
+    /// Reads what was found in the scan with these files. If one of them is damaged, returns its error too: there is what the others
+    /// say, and nothing is stored until [`keep_now`](Self::keep_now).
     pub(crate) fn open(files: &ScanFiles) -> (Self, Option<Error>) {
-        match findings::read(files) {
-            Ok(found) => (Self { found, file: files.findings.clone(), ..Self::default() }, None),
-            Err(e) => (Self::default(), Some(e)),
-        }
+        let (found, damaged) = findings::read(files);
+        let file = files.findings.clone();
+        (Self { found, file, is_held: damaged.is_some(), ..Self::default() }, damaged)
     }
 
     /// Returns the findings.
@@ -314,8 +313,10 @@ mod tests {
             std::fs::write(path, "{\"colvis\": \"answers\"").unwrap();
             let (mut document, e) = Document::open(&files);
             assert!(!e.unwrap().to_string().contains('\n'));
+            assert!(!document.has_unkept());
             document.note(&[distance(1.0)], None, &[]).unwrap();
             assert_eq!(document.found().distances.len(), 1);
+            assert!(document.has_unkept());
             assert_eq!(std::fs::read_to_string(path).unwrap(), "{\"colvis\": \"answers\"");
             assert!(path == files.findings.as_deref().unwrap() || !files.findings.as_deref().unwrap().exists());
             std::fs::remove_file(path).unwrap();

@@ -13,14 +13,14 @@ use serde_json::{Value, json};
 use super::folders;
 use super::measures::{self, Measure};
 use super::session::ScanFiles;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::fields::lumen::{GasKind, Told};
 use crate::polyps::answers::{Answered, Answers};
 
 /// The current version of the file format, and of the earlier ones.
 const VERSION: u32 = 1;
 /// Consequence of an invalid file, for messages.
-const HINT: &str = "it is left as it is, and nothing is kept";
+const HINT: &str = "move it away, then open the scan again";
 /// Maximum number of places with a kind.
 pub(crate) const MOST_KINDS: usize = 200;
 /// Largest coordinate of such a place, mm.
@@ -85,28 +85,45 @@ struct Entry {
     kind: GasKind,
 }
 
-/// Reads what was found in a scan; nothing if there is no file. Kinds that are invalid are ignored.
-///
-/// # Errors
-/// Returns status 3 if a file is damaged.
-pub(crate) fn read(files: &ScanFiles) -> Result<Findings> {
+/// Reads what was found in a scan; nothing if there is no file. Kinds that are invalid are ignored. If a file is damaged, returns what
+/// the others say, and its error with status 3.
+pub(crate) fn read(files: &ScanFiles) -> (Findings, Option<Error>) {
     if let Some(path) = files.findings.as_deref().filter(|path| path.exists()) {
-        let answers = Answers::read(path)?.answers;
-        let Some(kept) = folders::read_kept::<Kept>(path, HINT)? else { return Ok(Findings::default()) };
-        return Ok(Findings { distances: distances(kept.distances), answers, kinds: Some(kinds(kept.kinds)) });
+        return match read_current(path) {
+            Ok(found) => (found, None),
+            Err(e) => (Findings::default(), Some(e)),
+        };
     }
-    let mut found = Findings::default();
-    if let Some(path) = &files.measures {
-        let kept = folders::read_kept::<KeptDistances>(path, HINT)?;
-        found.distances = kept.map_or_else(Vec::new, |kept| distances(kept.measures));
+    let (mut found, mut damaged) = (Findings::default(), None);
+    let mut note = |e| _ = damaged.get_or_insert(e);
+    match files.measures.as_deref().map_or(Ok(None), |path| folders::read_kept::<KeptDistances>(path, HINT)) {
+        Ok(kept) => found.distances = kept.map_or_else(Vec::new, |kept| distances(kept.measures)),
+        Err(e) => note(e),
     }
-    if let Some(path) = files.answers.as_deref().filter(|path| path.exists()) {
-        found.answers = Answers::read(path)?.answers;
+    match files.answers.as_deref().filter(|path| path.exists()).map(answers).transpose() {
+        Ok(answers) => found.answers = answers.unwrap_or_default(),
+        Err(e) => note(e),
     }
-    if let Some(path) = &files.kinds {
-        found.kinds = folders::read_kept::<KeptKinds>(path, HINT)?.map(|kept| kinds(kept.told));
+    match files.kinds.as_deref().map_or(Ok(None), |path| folders::read_kept::<KeptKinds>(path, HINT)) {
+        Ok(kept) => found.kinds = kept.map(|kept| kinds(kept.told)),
+        Err(e) => note(e),
     }
-    Ok(found)
+    (found, damaged)
+}
+
+/// Reads the file of the findings.
+fn read_current(path: &Path) -> Result<Findings> {
+    let answers = answers(path)?;
+    let Some(kept) = folders::read_kept::<Kept>(path, HINT)? else { return Ok(Findings::default()) };
+    Ok(Findings { distances: distances(kept.distances), answers, kinds: Some(kinds(kept.kinds)) })
+}
+
+fn answers(path: &Path) -> Result<Vec<Answered>> {
+    let answers = Answers::read(path).map_err(|mut e| {
+        HINT.clone_into(&mut e.hint);
+        e
+    })?;
+    Ok(answers.answers)
 }
 
 /// Writes what was found in a scan to its file.
@@ -139,6 +156,17 @@ fn kinds(kept: Vec<Value>) -> Vec<Told> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Reads files that are all sound.
+    fn sound(files: &ScanFiles) -> Findings {
+        let (found, damaged) = read(files);
+        assert!(damaged.is_none(), "{damaged:?}");
+        found
+    }
+
+    fn is_damaged(files: &ScanFiles) -> bool {
+        read(files).1.is_some_and(|e| !e.to_string().contains('\n') && e.hint == HINT)
+    }
     use crate::polyps::answers::Answer;
 
     fn found() -> Findings {
@@ -160,10 +188,10 @@ mod tests {
     fn what_is_kept_is_read_back_also_as_answers() {
         let dir = tempfile::tempdir().unwrap();
         let files = ScanFiles::below(dir.path(), "a.json");
-        assert_eq!(read(&files).unwrap(), Findings::default());
+        assert_eq!(sound(&files), Findings::default());
         let path = files.findings.clone().unwrap();
         keep(&path, &found()).unwrap();
-        assert_eq!(read(&files).unwrap(), found());
+        assert_eq!(sound(&files), found());
         assert!(std::fs::read_to_string(&path).unwrap().contains("\"small bowel\""));
         let answers = Answers::read(&path).unwrap();
         assert_eq!((answers.scan.as_str(), answers.answers), ("a", found().answers));
@@ -186,10 +214,10 @@ mod tests {
             std::fs::write(path, text).unwrap();
         }
         let lung = Some(vec![(DVec3::new(4.0, -0.1, 1e-3), GasKind::Lung)]);
-        let before = read(&files).unwrap();
+        let before = sound(&files);
         assert_eq!(before, Findings { kinds: lung, ..found() });
         keep(files.findings.as_deref().unwrap(), &Findings { distances: Vec::new(), ..before.clone() }).unwrap();
-        assert_eq!(read(&files).unwrap(), Findings { distances: Vec::new(), ..before });
+        assert_eq!(sound(&files), Findings { distances: Vec::new(), ..before });
         for (path, text) in old.iter().zip(texts) {
             assert_eq!(std::fs::read_to_string(path).unwrap(), text);
         }
@@ -208,19 +236,19 @@ mod tests {
         };
         write(&files.kinds, &format!(r#"{{"version": 1, "told": {entries}}}"#));
         let lung = Some(vec![(DVec3::new(1.0, 2.0, 3.0), GasKind::Lung)]);
-        assert_eq!(read(&files).unwrap().kinds, lung);
+        assert_eq!(sound(&files).kinds, lung);
         for bad in
             ["", "[]", "null", "{\"version\": 1}", "{\"version\": 2, \"told\": []}", "{\"version\": 1, \"told\": 3}"]
         {
             write(&files.kinds, bad);
-            assert!(read(&files).is_err(), "{bad}");
+            assert!(is_damaged(&files), "{bad}");
         }
         write(&files.kinds, "{\"version\": 1, \"told\": []}");
         for bad in
             ["", "{\"version\": 1}", "{\"version\": 2, \"measures\": []}", "{\"version\": 1, \"measures\": [[[1]]]}"]
         {
             write(&files.measures, bad);
-            assert!(read(&files).is_err(), "{bad}");
+            assert!(is_damaged(&files), "{bad}");
         }
         // With a file of findings, earlier ones do not count.
         let all = |version: u32, kind: &str| {
@@ -229,14 +257,14 @@ mod tests {
             )
         };
         write(&files.findings, &all(1, "answers"));
-        assert_eq!(read(&files).unwrap().kinds, lung);
+        assert_eq!(sound(&files).kinds, lung);
         for bad in ["".to_owned(), all(2, "answers"), all(1, "list"), "{\"version\": 1}".to_owned()] {
             write(&files.findings, &bad);
-            let e = read(&files).unwrap_err().to_string();
+            let e = read(&files).1.unwrap().to_string();
             assert!(!e.contains('\n'), "{e}");
         }
         std::fs::remove_file(files.findings.as_deref().unwrap()).unwrap();
         std::fs::create_dir(files.findings.as_deref().unwrap()).unwrap();
-        assert!(read(&files).is_err(), "a folder");
+        assert!(is_damaged(&files), "a folder");
     }
 }

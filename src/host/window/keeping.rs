@@ -49,6 +49,8 @@ pub(crate) enum Turn {
     TakenOver,
     /// It cannot, because what is kept has changed.
     Changed,
+    /// It cannot, because a file of the scan is damaged.
+    Damaged(Error),
     /// It cannot, because what was made until now could not be stored.
     Failed(Error),
 }
@@ -59,6 +61,7 @@ impl Turn {
         match self {
             Self::TakenOver => TAKEN_OVER.to_owned(),
             Self::Changed => CHANGED.to_owned(),
+            Self::Damaged(e) => format!("The other window is closed, but what you make here is not kept: {e}."),
             Self::Failed(e) => {
                 format!(
                     "The other window is closed, but what you make here is not kept: {e}. Then open the scan again."
@@ -81,6 +84,8 @@ pub(crate) struct Keeping {
     hold: Hold,
     /// True if the flight reads the whole colon.
     is_whole: bool,
+    /// The error of a file that is damaged.
+    damaged: Option<Error>,
 }
 
 impl Keeping {
@@ -90,7 +95,7 @@ impl Keeping {
         let session = session.filter(|_| resume != Resume::Never);
         let hold = hold(&files, now);
         // Without a guide there is no position from which another flight could continue.
-        Self { session: session.filter(|_| is_guided), files, hold, is_whole: false }
+        Self { session: session.filter(|_| is_guided), files, hold, is_whole: false, damaged: None }
     }
 
     /// Sets whether the flight reads the whole colon: the scan then opens with such a flight the next time, too.
@@ -122,20 +127,23 @@ impl Keeping {
         })
     }
 
-    /// Gives a window what was kept, and the files to keep it in. Returns the error of a file that is damaged.
-    pub(crate) fn equip(&self, controller: &mut FlightController) -> Option<Error> {
-        let (document, unread) = Document::open(&self.files);
+    /// Gives a window what was kept, and the files to keep it in. Where one of them is damaged, nothing is kept: it would take the
+    /// damaged one's place.
+    pub(crate) fn equip(&mut self, controller: &mut FlightController) {
+        let (document, damaged) = Document::open(&self.files);
         controller.set_document(document);
-        _ = controller.keep_files(self.is_ours());
+        self.damaged = damaged;
+        _ = controller.keep_files(self.is_ours() && self.damaged.is_none());
         if !self.is_ours() {
             controller.set_unkept(IS_ELSEWHERE);
+        } else if let Some(e) = &self.damaged {
+            controller.set_unkept(format!("{}: {}.", e.what, e.why));
         }
-        unread
     }
 
-    /// True if what is made is stored: by this window, and on a system that has a folder for it.
+    /// True if what is made is stored: by this window, in files that are sound, and on a system that has a folder for them.
     pub(crate) fn keeps(&self) -> bool {
-        self.is_ours() && self.files.findings.is_some()
+        self.is_ours() && self.damaged.is_none() && self.files.findings.is_some()
     }
 
     /// True if this window keeps what is made.
@@ -145,7 +153,10 @@ impl Keeping {
 
     /// Returns what the reader must know about it.
     pub(crate) fn warning(&self) -> Option<String> {
-        (!self.is_ours()).then(|| ELSEWHERE.to_owned())
+        if !self.is_ours() {
+            return Some(ELSEWHERE.to_owned());
+        }
+        self.damaged.as_ref().map(|e| format!("What you make here is not kept: {e}."))
     }
 
     /// Takes over once the other window is closed. Returns what became of it, if anything did.
@@ -160,6 +171,10 @@ impl Keeping {
         }
         let is_as_read = before.iter().all(|(path, bytes)| std::fs::read(path).ok() == *bytes);
         let Hold::Theirs(lock, ..) = std::mem::replace(&mut self.hold, Hold::Nobody) else { return None };
+        if let Some(e) = &self.damaged {
+            controller.set_unkept(format!("{}: {}.", e.what, e.why));
+            return Some(Turn::Damaged(e.clone()));
+        }
         if !is_as_read {
             controller.set_unkept(HAS_CHANGED);
             return Some(Turn::Changed);
@@ -238,6 +253,7 @@ mod tests {
             session: Some(folder.join("sessions").join("a.json")),
             files,
             is_whole: false,
+            damaged: None,
         }
     }
 
@@ -246,7 +262,7 @@ mod tests {
         let mut flight = flight("tentacles");
         keeping.resume(&mut flight, Resume::Everything);
         let mut c = cockpit_of(flight, 0.0, Vec::new());
-        assert!(keeping.equip(&mut c).is_none());
+        keeping.equip(&mut c);
         c
     }
 
@@ -334,6 +350,46 @@ mod tests {
         // Another window may keep the scan.
         assert!(opened(dir.path(), now).is_ours());
         second.close(b.flight());
+    }
+
+    /// Fails if the sound files are not shown, if a file is written over them, or if the window closes without a question.
+    #[test]
+    fn where_a_file_is_damaged_the_others_are_shown_and_nothing_is_kept() {
+        let (dir, mut now) = (tempfile::tempdir().unwrap(), Instant::now());
+        let write = |kind: &str, text: &str| {
+            std::fs::create_dir_all(dir.path().join(kind)).unwrap();
+            std::fs::write(dir.path().join(kind).join("a.json"), text).unwrap();
+        };
+        write("measures", r#"{"version": 1, "measures": [[[1.0, 0.0, 0.0], [3.0, 4.0, 0.1]]]}"#);
+        write("answers", "{\"colvis\": \"answers\"");
+        let mut first = opened(dir.path(), now);
+        let mut a = window(&mut first);
+        assert_eq!(a.unfinished(), None);
+        assert!(!first.keeps() && first.is_ours());
+        let told = first.warning().unwrap();
+        assert!(told.contains("answers") && told.contains("move it away"), "{told}");
+        let mut second = opened(dir.path(), now);
+        let mut b = window(&mut second);
+        measure(&mut a, DVec3::Y);
+        assert_eq!(a.measures().list().len(), 2);
+        let told = a.unfinished().unwrap();
+        assert!(told.contains("answers") && told.ends_with("What you made here is not kept."), "{told}");
+        first.close(a.flight());
+        drop(first);
+        now += Duration::from_secs(2);
+        let turn = second.take_over(&mut b, now).unwrap();
+        assert!(matches!(turn, Turn::Damaged(_)) && turn.said().contains("answers"), "{}", turn.said());
+        measure(&mut b, DVec3::Y);
+        assert!(b.has_unkept() && !dir.path().join("findings").exists());
+        // Without the damaged file, what is made is kept with what was read.
+        std::fs::remove_file(dir.path().join("answers").join("a.json")).unwrap();
+        drop(second);
+        let mut third = opened(dir.path(), now);
+        let mut c = window(&mut third);
+        assert!(third.keeps() && third.warning().is_none());
+        measure(&mut c, DVec3::Y);
+        assert!(!c.has_unkept());
+        assert_eq!(kept(dir.path()), 2);
     }
 
     /// Fails if what was seen is lost when a scan is closed.

@@ -75,8 +75,8 @@ impl SessionFile {
     /// Returns the kinds that the reader gave to gas when the scan was open before. A file that cannot be read is told of later.
     #[doc(hidden)]
     pub fn told(&self) -> Vec<Told> {
-        let read = findings::read(&session::ScanFiles::of(self.0.as_deref(), Resume::Nothing));
-        read.ok().and_then(|found| found.kinds).unwrap_or_default()
+        let (found, _) = findings::read(&session::ScanFiles::of(self.0.as_deref(), Resume::Nothing));
+        found.kinds.unwrap_or_default()
     }
 
     /// True if the whole colon was read when the scan was closed, and not to its end. A file that cannot be read is told of later.

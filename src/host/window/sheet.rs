@@ -217,7 +217,7 @@ fn open(ui: &Ui, asked: &Asked) -> Answer {
     let modal = Modal::new(egui::Id::new("open")).show(ui.ctx(), |ui| {
         ui.set_width(320.0);
         ui.heading("Open it?");
-        ui.label("What you made here is not kept, because another window keeps this case.");
+        ui.label("What you made here is not kept, and is lost when another scan is opened.");
         ui.add_space(8.0);
         ui.horizontal(|ui| {
             if ui.button("Go on here").clicked() {
@@ -240,7 +240,7 @@ fn quit(ui: &Ui, why: &str, keeps: bool) -> Answer {
         match keeps {
             true => ui.label(RichText::new("Answers, distances and the place are kept.").color(SOFT)),
             false => {
-                let told = "Nothing of this flight is kept: answers, distances and the place are lost.";
+                let told = "Answers, distances and kinds that you made here are lost.";
                 ui.label(RichText::new(told).color(Severity::Notice.colour()))
             }
         };

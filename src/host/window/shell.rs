@@ -283,7 +283,6 @@ impl Shell {
         let mut keeping = Keeping::of(session, self.scan.resume, is_guided, Instant::now());
         keeping.reads_whole(is_whole);
         let along = keeping.resume(&mut flight, self.scan.resume);
-        notes.extend(keeping.warning());
         if let Some(framebuffer) = self.framebuffer.take() {
             let camera = flight.app().camera_id();
             flight.views().present_to(camera, framebuffer)?;
@@ -301,13 +300,10 @@ impl Shell {
         if self.scan.seconds.is_some() {
             controller.limit_time();
         }
-        let unread = keeping.equip(&mut controller);
+        keeping.equip(&mut controller);
+        notes.extend(keeping.warning().inspect(|warning| output::to_stderr(format_args!("note: {warning}"))));
         self.scan.keeping = Some(keeping);
         controller.set_screenshots(settings::screenshots());
-        if let Some(e) = &unread {
-            output::to_stderr(format_args!("note: {e}"));
-        }
-        self.unsettled = self.unsettled.take().or(unread);
         if let Some(e) = self.unsettled.take() {
             controller.say(format!("{}: {}", e.what, e.why), Instant::now());
         } else if along.is_some() {

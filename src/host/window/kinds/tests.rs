@@ -40,7 +40,7 @@ fn flown(scan: &mut Scan) -> FlightController {
 
 /// Returns the kinds that are stored.
 fn kept(files: &ScanFiles) -> Vec<Told> {
-    findings::read(files).unwrap().kinds.unwrap()
+    findings::read(files).0.kinds.unwrap()
 }
 
 fn until_found(c: &mut FlightController, now: Instant) {
