@@ -1,4 +1,4 @@
-//! Watches which parts of the wall the flight has seen, and paints what it has not.
+//! Measures what the flight has seen of the wall, and paints what it has not.
 
 use bevy_ecs::prelude::*;
 
@@ -16,7 +16,7 @@ use crate::schedule::{App, FlightSystems, Main, Slot};
 /// Work of a step, in tests of whether a patch is in the picture: less than 0.1 ms, and there are four steps in a frame.
 const WORK: u32 = 12_000;
 
-/// Adds the system that watches. The camera has a [`LiveCoverage`].
+/// Adds the system that measures coverage. The camera has a [`LiveCoverage`].
 ///
 /// # Errors
 /// Returns status 2 if the slot is already filled.
@@ -48,7 +48,7 @@ pub fn paint_unseen(
     mut slices: Query<&mut SliceView>,
 ) {
     let (coverage, mut paint, picture) = camera.into_inner();
-    // Another scan is shown than the one whose wall is watched, until that is.
+    // The wall of the scan on display is not measured yet.
     if picture.as_ref().is_some_and(|p| p.scan.is_some() != coverage.is_beside()) {
         return;
     }
@@ -67,10 +67,10 @@ pub fn paint_unseen(
 /// The camera of a flight whose coverage is watched.
 type Watched<'a> = (&'a Trail, &'a mut LiveCoverage, Option<&'a Picture>, Option<&'a Flight>, Option<&'a Review>);
 
-/// Goes on with the newest view of the trail, with the view angle of the picture.
+/// Continues with the newest views of the trail, with the view angle of the picture.
 pub fn watch_wall(clock: Res<Clock>, scan: Single<&Scan, With<Main>>, camera: Single<Watched, With<Main>>) {
     let (trail, mut coverage, picture, flight, tour) = camera.into_inner();
-    // At the end of a tour the flight may still have to go on.
+    // At the end of a tour the flight may still continue.
     coverage.set_over(tour.is_none() && flight.is_some_and(|f| f.state == State::Arrived));
     if let Some(picture) = picture {
         coverage.set_fov(picture.fov_degrees);

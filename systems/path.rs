@@ -108,7 +108,7 @@ pub fn guide_by_plan(clock: Res<Clock>, walls: Single<&Walls, With<Main>>, camer
     *velocity_before = Some(velocity.0);
     let limit = settings.cruise_mm_s * body.0.drag_per_s.max(1.0);
     *guide = GuideThrust { limit, exact: true, ..GuideThrust::default() };
-    // A tour passes the same places again: it goes on from the same pass.
+    // A tour passes the same places several times: it continues on the same pass.
     let nearest = |s_mm: f64| match review {
         Some(_) => route.nearest_pass(&walls.0, pose.position, s_mm),
         None => route.nearest_reachable(&walls.0, pose.position),

@@ -76,7 +76,7 @@ impl Presenters {
         any.downcast().ok().map(|p| *p)
     }
 
-    /// Adds a presenter: after those of views before its own, and in that after those that are there.
+    /// Adds a presenter: presenters are ordered by view, and within a view those of the host come before those of plug-ins.
     fn add(&mut self, added: Presented) {
         self.0.push(added);
         self.0.sort_by_key(|p| (p.view.index_u32(), p.is_plugged));

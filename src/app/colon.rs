@@ -1,4 +1,4 @@
-//! The colon in which candidates are looked for: cleansed, and cut out of the scan.
+//! The colon that is searched for candidates: cleansed, and cut out of the scan.
 
 use crate::Timings;
 use crate::error::Result;
@@ -7,7 +7,7 @@ use crate::fields::cleanse::{self, Cleansed};
 use crate::progress::Progress;
 use crate::volume::Volume;
 
-/// How far beyond the lumen the scan is kept for the wall and what is inside of it, mm.
+/// Distance beyond the lumen up to which the scan is kept, mm: enough for the wall and the tissue in it.
 #[doc(hidden)]
 pub const WALL_MM: f64 = 15.0;
 
@@ -37,7 +37,7 @@ pub fn without_tag(
     }
     taken(&cleansed);
     cleansed.changes.exchange(volume);
-    // Where there was gas there is gas still.
+    // Gas stays gas, so a requested point still has some.
     let Some(mut lumen) = timings.time("cleansed_lumen_s", || again(volume))? else {
         return Ok((found, Some(cleansed)));
     };

@@ -32,7 +32,7 @@ impl Built {
 /// What was cleansed in a scan.
 #[derive(Clone, Debug, Serialize)]
 pub struct Taken {
-    /// What it was, and what was left.
+    /// What was removed, and what remains.
     pub text: String,
     /// How long that took, s, with finding the lumen again; `None` if unknown.
     pub seconds: Option<f64>,
@@ -164,7 +164,7 @@ pub fn explain(flight: &FlightApp) -> Explanation {
             (None, None) if scene.operator && scene.picture => {
                 "the guide does not fly through fluid; the window cleanses the scan after its first image"
             }
-            (None, None) => "the guide does not fly through fluid; --cleanse cleanses the scan all the same",
+            (None, None) => "the guide does not fly through fluid; --cleanse cleanses the scan anyway",
         };
         left_out.push(LeftOut { part: "cleansing", why: why.to_owned() });
     }

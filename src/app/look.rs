@@ -1,4 +1,4 @@
-//! From where a polyp candidate is looked at: a camera in the lumen that sees it, and the planes of its slices.
+//! Viewpoints for a polyp candidate: a camera in the lumen that sees it, and the planes of its slices.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -19,16 +19,16 @@ pub const SLICE: usize = 240;
 #[doc(hidden)]
 pub const SLICE_MM: f64 = 60.0;
 
-/// The camera's distance from the candidate if there is room, mm: this much and its diameter, within these.
+/// Distance of the camera from the candidate if there is room, mm: this much more than its diameter, within these limits.
 const STAND_BACK_MM: f64 = 13.0;
 const DISTANCE_MM: [f64; 2] = [15.0, 25.0];
-/// Nearer the camera is not put, unless there is less room than this in every direction.
+/// Minimum distance of the camera from the candidate, mm, unless there is less room in every direction.
 const LEAST_MM: f64 = 4.0;
 /// Step by which the camera comes nearer where there is no room, mm.
 const STEP_MM: f64 = 1.0;
 /// Distance of the camera from the wall behind it and beside it, mm.
 const CLEAR_MM: f64 = 2.0;
-/// A way out that is free for this long has all the room that is needed, mm.
+/// Free length along a direction that counts as ample room, mm.
 const ROOM_MM: f64 = 60.0;
 /// Angles between the candidate's axis and the direction to the camera, degrees: the preferred one first.
 const TILTS: [f64; 6] = [30.0, 20.0, 40.0, 10.0, 50.0, 0.0];
@@ -80,8 +80,8 @@ impl Subject {
         Self { middle, position, axis, long, radius_mm: 0.5 * lesion.diameter_mm }
     }
 
-    /// Returns its slices: axial; along the axis and across the longest diameter; along both. The lumen is on top in the
-    /// latter two, and the patient's left on the right as far as that can be.
+    /// Returns its slices: axial; along the axis and across the longest diameter; along both. In the latter two the lumen is on
+    /// top, and the patient's left is on the right as far as possible.
     #[doc(hidden)]
     pub fn slices(&self) -> [Slice; 3] {
         let frame = |normal: DVec3| {
@@ -101,7 +101,7 @@ fn leftwards(right: DVec3) -> f64 {
     right.x + 1e-3 * right.y + 1e-6 * right.z
 }
 
-/// Returns a unit vector across `axis`, horizontal if it can be.
+/// Returns a unit vector across `axis`, horizontal if possible.
 fn across(axis: DVec3) -> DVec3 {
     axis.cross(DVec3::Z).try_normalize().unwrap_or(DVec3::X)
 }
@@ -119,12 +119,12 @@ struct Place {
     eye: DVec3,
     /// Distance from the wall that it looks at, mm.
     mm: f64,
-    /// How far the way out is free, mm, at most [`ROOM_MM`].
+    /// Free length along the direction to the camera, mm, at most [`ROOM_MM`].
     free: f64,
 }
 
 impl Looks {
-    /// Prepares to look for places in the gas of `volume`.
+    /// Prepares a search for places in the gas of `volume`.
     #[doc(hidden)]
     pub fn new(volume: &PreparedVolume) -> Self {
         let iso = volume.transfer().iso() as f32;
@@ -136,7 +136,7 @@ impl Looks {
     /// there is most room, with superior on top. Also returns the length of a mm at the subject, pixels.
     ///
     /// # Errors
-    /// Returns status 2 if the subject is nowhere.
+    /// Returns status 2 if the subject's position is not finite.
     #[doc(hidden)]
     pub fn view(&self, subject: &Subject, side: usize) -> Result<(View, f64)> {
         let eye = self.eye(subject);
@@ -188,7 +188,7 @@ impl Looks {
         [0.5, 1.0, 1.5, 2.0, 3.0].map(before).into_iter().find(is_gas).unwrap_or_else(|| before(1.0))
     }
 
-    /// Returns the place nearest to `wanted` mm from `start` to which the way is free, with room around it.
+    /// Returns the place nearest to `wanted` mm from `start` that a free straight line reaches, with room around it.
     fn place(&self, start: DVec3, direction: DVec3, wanted: f64) -> Option<Place> {
         let free = first_crossing(&self.volume, start, direction, ROOM_MM).unwrap_or(ROOM_MM);
         let steps = ((wanted - LEAST_MM) / STEP_MM).floor() as usize;

@@ -76,7 +76,7 @@ pub struct OpenOptions {
     pub transfer: TransferFunction,
     /// The renderer that the volume is prepared for.
     pub preset: Preset,
-    /// Takes tagged fluid and stool out of it, as [`Scan::cleanse`] does.
+    /// Cleanses it, as [`Scan::cleanse`] does.
     pub cleanse: bool,
     /// Receives the progress, and can interrupt the work.
     pub progress: Arc<Progress>,
@@ -176,8 +176,8 @@ impl Scan {
         std::mem::take(&mut self.notes)
     }
 
-    /// Gives kinds to the gas at some places (world, mm), instead of those given before. The lumen, and what follows from it, is found
-    /// anew; of a later place in the same gas, the kind counts. A cleansed scan stays cleansed.
+    /// Gives kinds to the gas at some places (world, mm), in place of those given before. The lumen, and everything derived from
+    /// it, is found again. If two places lie in the same gas, the later kind counts. A cleansed scan stays cleansed.
     pub fn tell(&mut self, told: Vec<Told>) {
         if told == self.told {
             return;
@@ -232,8 +232,8 @@ impl Scan {
         self.timings.add("septa_flags_s", begun.elapsed().as_secs_f64());
     }
 
-    /// Takes tagged fluid and stool out of this scan, in place if nothing shares its voxels: from now on, this is the scan. A scan
-    /// without tagged fluid stays unchanged. Returns what was cleansed; its changes hold the values that the scan had.
+    /// Replaces tagged fluid and stool of this scan by gas, in place if nothing shares its voxels. A scan without tagged fluid
+    /// stays unchanged. Returns what was cleansed; its changes hold the values that the scan had.
     ///
     /// # Errors
     /// Returns status 4 for a volume of one voxel or one slice, or if interrupted; the scan is then unchanged.
@@ -304,7 +304,7 @@ impl Scan {
         Ok((made.volume.clone(), Arc::clone(&made.lumen), Some(Arc::clone(&made.cleansed))))
     }
 
-    /// Takes the tag out in place for a scene whose guide flies through it: the scan as it was is needed no more.
+    /// Cleanses the scan in place for a scene whose guide flies through fluid: the scan as scanned is no longer needed.
     ///
     /// # Errors
     /// As [`Scan::cleanse`].

@@ -67,7 +67,7 @@ pub struct Scene {
     pub presented: bool,
     /// True if steps are logged.
     pub log: bool,
-    /// True if it is watched what of the wall the flight has seen.
+    /// True if coverage is measured during the flight.
     pub coverage: bool,
     /// True if an operator can take part: a window, or a recorded input.
     pub operator: bool,
@@ -271,7 +271,7 @@ impl Scene {
             app.leave_out("log", "there is no --log");
         }
         if app.is_filled(Slot::Coverage) {
-            // It was added to a flight that was under way.
+            // It was added to a running flight.
         } else if self.coverage {
             systems::coverage::plugin(app)?;
         } else {

@@ -346,10 +346,10 @@ pub struct CenterlineArgs {
 pub struct CandidatesArgs {
     /// Scan: NIfTI, MetaImage, NRRD, DICOM, or a folder of PNG slices
     pub input: PathBuf,
-    /// Output list, JSON, the best first
+    /// Output list, JSON, best first
     #[arg(long, value_name = "C.json")]
     pub out: PathBuf,
-    /// At most this many
+    /// Maximum number of candidates in the list
     #[arg(long, value_name = "N", value_parser = count, allow_negative_numbers = true)]
     pub max: Option<usize>,
     /// Also write pictures of the best 200 and a page that shows them, index.html
@@ -444,8 +444,8 @@ pub struct ReportArgs {
 }
 
 impl Args {
-    /// Reads the arguments of a program that has this to choose from. Fails with what is wrong with the arguments, or if help or
-    /// the version is requested.
+    /// Reads the arguments of a program, with its catalog as the values of the options. Fails if the arguments are invalid, or if
+    /// help or the version is requested.
     pub(super) fn read(args: impl Iterator<Item = OsString>, program: &Program) -> Result<Self, ParseError> {
         let args: Vec<OsString> = args.collect();
         if let Some(name) = args.first() {

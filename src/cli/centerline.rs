@@ -21,7 +21,7 @@ use crate::output;
 use crate::progress::Progress;
 use crate::volume::Volume;
 
-/// A point outside the lumen is moved into it within this, mm.
+/// Maximum distance by which a point outside the lumen is moved into it, mm.
 const SNAP_MM: f64 = 5.0;
 /// Maximum number of narrow places that are listed …
 const MOST_NARROWS: usize = 10;
@@ -42,7 +42,7 @@ impl Format {
             .find(|(ending, _)| name.ends_with(ending) && name.len() > ending.len())
             .map(|f| f.1)
             .ok_or_else(|| {
-                let why = "its ending is not that of a line format";
+                let why = "its extension is not that of a line format";
                 Error::usage(path.display().to_string(), why, "end it in .json, .csv or .mrk.json")
             })
     }
@@ -122,7 +122,7 @@ fn through_scan(
 ) -> Result<(Centerline, Vec<Part>)> {
     let mut lumen = prepare::lumen(volume, timings, progress)?;
     if let Some(Point::World(p)) = args.from.or(args.to) {
-        // A point chooses the gas it lies in, also where that is not the colon found.
+        // A point selects the gas that it lies in, even if that was not classified as colon.
         if lumen.nearest_gas(p, SNAP_MM).is_none() && !lumen.is_fluid(p) {
             let found = timings.time("lumen_at_s", || lumen::gas_at(volume, p, progress))?;
             lumen = found.ok_or_else(|| {

@@ -23,7 +23,7 @@ struct Pool {
     level_mm: [DVec3; 2],
 }
 
-/// What was not taken, in the stats.
+/// Tag that was not removed, in the stats.
 #[derive(Serialize)]
 struct NotTaken {
     ml: f64,
@@ -36,7 +36,7 @@ pub(crate) fn run(args: &CleanseArgs, global: &Global, progress: &Progress) -> R
     files::check_folders(&args.out, args.stats.as_deref())?;
     io::check_ending(&args.out)?;
     let mut timings = Timings::default();
-    // Not twice.
+    // The command cleanses the scan itself; `--cleanse` must not do it first.
     let global = Global { cleanse: false, ..global.clone() };
     let mut volume = prepare::load(&args.input, &global, &mut timings, progress)?;
     let lumen = prepare::lumen_from(&volume, args.from.map(|p| p.0), &mut timings, progress)?;

@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::output;
 use crate::volume::io::companions;
 
-/// The files and folders that a command line names, by what becomes of them.
+/// The files and folders that a command line names, by their use.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Files {
     read: Vec<PathBuf>,
@@ -104,7 +104,7 @@ fn is_slice(read: &Path, file: &Path) -> bool {
     folder.is_dir() && file.starts_with(&folder) && companions::is_slice_of(&folder, &file)
 }
 
-/// True if a file stands in a folder of numbered pictures and is named like one of them.
+/// True if a file lies in a folder of numbered pictures and is named like one of them.
 fn is_picture_of(folder: &Path, file: &Path) -> bool {
     let number = file.file_stem().and_then(|s| s.to_str()).map(|s| s.split(['-', '_', '.']).next().unwrap_or(s));
     let is_numbered = number.is_some_and(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()));

@@ -56,7 +56,7 @@ pub(crate) fn run(args: &MeasureArgs, global: &Global, progress: &Progress) -> R
     let outputs: Vec<_> = args.out.iter().chain(&args.stats).map(std::path::PathBuf::as_path).collect();
     output::check_folders(&outputs)?;
     let mut timings = Timings::default();
-    // Not twice.
+    // The command cleanses the scan itself; `--cleanse` must not do it first.
     let global = Global { cleanse: false, ..global.clone() };
     let mut volume = prepare::load(&args.input, &global, &mut timings, progress)?;
     let (lumen, cleansed) =

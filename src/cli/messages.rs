@@ -27,7 +27,7 @@ pub(super) fn failed(error: &Error) -> ExitCode {
     ExitCode::from(error.kind as u8)
 }
 
-/// Prints what there is to choose from, one line each, and then the failure in one line.
+/// Prints the choices, one per line, and then the failure on one line.
 pub(super) fn print_failure(error: &Error) {
     for choice in &error.choices {
         say(choice);

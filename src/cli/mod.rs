@@ -318,7 +318,7 @@ fn noting(usual: PanicHook) -> PanicHook {
             note_place(info.location().map_or_else(String::new, ToString::to_string));
             return;
         }
-        // The first is the one to report: what others do in its wake says less.
+        // Report the first panic: later ones are often its consequences.
         let place = || info.location().map_or_else(String::new, ToString::to_string);
         PANICKED_AT.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert_with(place);
         if std::env::var_os("RUST_BACKTRACE").is_some() {
@@ -379,7 +379,7 @@ fn on_interrupt(progress: &Arc<Progress>) -> Result<()> {
         if progress.is_cancelled() {
             output::abandon_temporary();
             if std::io::stderr().is_terminal() {
-                // A progress bar may stand on the line.
+                // A progress bar may occupy the line.
                 output::to_stderr(format_args!(""));
             }
             let e = Error::cancelled("colvis");
@@ -405,7 +405,7 @@ fn run(program: &Program, args: Args) -> Result<()> {
     prepare::check(program, &global, scene)?;
     files.check_apart()?;
     gather_threads(global.threads)?;
-    // A flight shows its own progress: a window, or a bar that goes before the last word.
+    // A flight shows its own progress: a window, or a bar that disappears before the last message.
     let _bar = match args.command {
         Some(
             Command::Info(_)

@@ -57,7 +57,7 @@ impl Session<'_> {
     /// Shows [`Session::progress`] on the terminal, as the commands of colvis do, until the bar is dropped: the stage, its share and
     /// the time. Shows nothing if standard error is not a terminal. Drop it before you print.
     ///
-    /// The work of colvis tells its stages itself, [`Session::open`] among them. Work of your own calls [`Progress::stage`] and
+    /// colvis reports the stages of its own work, such as [`Session::open`]. Report those of yours with [`Progress::stage`] and
     /// [`Progress::advance`].
     pub fn progress_bar(&self) -> ProgressBar {
         ProgressBar::show(self.progress)

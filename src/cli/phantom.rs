@@ -9,8 +9,8 @@ use crate::phantom::{NOISE_HU, Phantom, PhantomSettings, Position, Scanner, Size
 use crate::progress::Progress;
 use crate::volume::io;
 
-/// Runs the command. Fails with status 2 for an unknown ending, slices or noise that cannot be, 4 if cancelled, 5 if an output
-/// cannot be written.
+/// Runs the command. Fails with status 2 for an unknown extension or invalid slices or noise, 4 if cancelled, 5 if an output cannot
+/// be written.
 pub(crate) fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> Result<()> {
     let volumes = || std::iter::once(&args.out).chain(&args.twin).map(PathBuf::as_path);
     let all: Vec<_> = volumes().chain(args.truth.as_deref()).chain(args.labels.as_deref()).collect();
@@ -77,7 +77,7 @@ fn noise_hu(args: &PhantomArgs) -> Result<f64> {
         return Err(Error::usage("--noise", "the phantom has no noise", "add noise to --with"));
     }
     if !(0.0..=MOST_NOISE_HU).contains(&hu) {
-        let why = format!("{hu} HU is not a level of noise");
+        let why = format!("{hu} HU is not a valid noise level");
         return Err(Error::usage("--noise", why, format!("give a number from 0 to {MOST_NOISE_HU}")));
     }
     Ok(hu)

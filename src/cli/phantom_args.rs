@@ -7,7 +7,7 @@ use clap::{Args as ClapArgs, ValueEnum};
 /// `phantom`'s arguments.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct PhantomArgs {
-    /// Output volume; the ending selects the format
+    /// Output volume; the extension selects the format
     #[arg(long, value_name = "V.nii.gz")]
     pub out: PathBuf,
     /// Write the ground truth as JSON

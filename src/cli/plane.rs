@@ -50,7 +50,7 @@ pub(crate) fn run(args: &PlaneArgs, progress: &Arc<Progress>) -> Result<()> {
     if let Some(display) = Display::open() {
         return window::run(display, flight, progress);
     }
-    // Nobody named this file: it must not take the drawing's place.
+    // The user did not name this file: it must not overwrite the drawing.
     Files::plane(args)
         .writes([FALLBACK])
         .check_apart()

@@ -127,8 +127,8 @@ pub(crate) fn open_unsaid(
     Scan::open_with(path, &options)
 }
 
-/// Reads the input without preparing it, takes its tag out if that is asked for, and prints notes about it. Fails as [`open`] does,
-/// and with status 4 if it is to be cleansed and has one slice.
+/// Reads the input without preparing it, cleanses it if requested, and prints notes about it. Fails as [`open`] does, and with
+/// status 4 if it is to be cleansed and has one slice.
 pub(crate) fn load(input: &Path, global: &Global, timings: &mut Timings, progress: &Progress) -> Result<Volume> {
     let options = checked_options(global)?;
     let loaded = timings.time("load_s", || io::load(input, &options, progress))?;
@@ -144,7 +144,7 @@ pub(crate) fn load(input: &Path, global: &Global, timings: &mut Timings, progres
     Ok(volume)
 }
 
-/// Like [`load`], for a mask, which has no tag. Fails as [`open`] does, and with status 3 if it is no mask.
+/// Like [`load`], for a mask, which is never cleansed. Fails as [`open`] does, and with status 3 if it is not a mask.
 pub(crate) fn load_mask(input: &Path, global: &Global, timings: &mut Timings, progress: &Progress) -> Result<Volume> {
     if global.cleanse {
         say("--cleanse is ignored: a mask has no HU");
@@ -197,9 +197,9 @@ pub(crate) fn lumen_from(
     })
 }
 
-/// The colon in a scan without its tag, which is taken out of `volume`, and what was taken, with the values that the scan had; with
-/// a point (world, mm) the gas there. Says what was taken. `with_along` measures along the scan as it is, as `centerline` does.
-/// Fails as [`lumen_from`] does, and with status 4 if there is no colon.
+/// Cleanses `volume` and prints what was removed. Returns the colon in it (with a point (world, mm), the gas there) and what was
+/// removed, with the values that the scan had. `with_along` measures along the scan as scanned, as `centerline` does. Fails as
+/// [`lumen_from`] does, and with status 4 if there is no colon.
 pub(crate) fn cleansed_lumen(
     volume: &mut Volume,
     from: Option<DVec3>,
@@ -219,7 +219,7 @@ pub(crate) fn cleansed_lumen(
     colon::without_tag(volume, found, with_along, again, taken, timings, progress)
 }
 
-/// The failure of a command that found no colon in a scan. Values that are no HU are named before what was found by them.
+/// The failure of a command that found no colon in a scan. Values that are not HU come first: what was found in them means nothing.
 pub(crate) fn no_lumen(volume: &Volume, lumen: &Lumen, hint: &str) -> Error {
     if let Some(odd) = hounsfield::oddity(volume) {
         return Error::incomplete("volume", format!("no gas of a colon was found in it: {odd}"), odd.hint());

@@ -64,7 +64,7 @@ pub(crate) fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> R
     let mut timings = Timings::default();
     let volume = prepare::load(&args.input, global, &mut timings, progress)?;
     let lumen = prepare::lumen_from(&volume, args.from.map(|p| p.0), &mut timings, progress)?;
-    // Bridges and islands are only told in the stats.
+    // Only the stats report bridges and islands.
     let residue = match &args.stats {
         Some(_) => Some(timings.time("residue_s", || lumen::residue(&volume, &lumen, progress))?),
         None => None,
@@ -79,7 +79,7 @@ pub(crate) fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> R
         false => None,
     };
     let grid = volume.grid().clone();
-    // Mask and stats are written all the same.
+    // Mask and stats are written even then.
     let refusal =
         lumen.segments.is_empty().then(|| prepare::no_lumen(&volume, &lumen, "give --from and a point in the colon"));
     drop(volume);

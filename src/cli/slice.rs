@@ -31,7 +31,7 @@ impl Format {
             "png" => Ok(Self::Png),
             "npy" => Ok(Self::Npy),
             _ => {
-                let why = "its ending is not that of an image or NumPy file";
+                let why = "its extension is not that of an image or NumPy file";
                 Err(Error::usage(path.display().to_string(), why, "end it in .png or .npy"))
             }
         }

@@ -11,7 +11,7 @@ pub struct FrameStats {
     pub rays: u64,
     /// Samples taken.
     pub samples: u64,
-    /// Pixels taken over from the last frame.
+    /// Pixels reused from the last frame.
     pub reused: u64,
 }
 

@@ -32,10 +32,10 @@ pub struct Outputs {
     pub overlays: Vec<Overlay>,
 }
 
-/// What follows when a flight has ended: time for flying on, simulated seconds, or `None` if it is over.
+/// Called when a flight has ended: returns the simulated seconds for which it continues, or `None` if it is over.
 pub type Onward<'a> = &'a mut dyn FnMut(&mut FlightApp) -> Result<Option<f64>>;
 
-/// Flies as [`fly_on`], and ends where the flight ends.
+/// Same as [`fly_on`], but stops when the flight ends.
 ///
 /// # Errors
 /// As [`fly_on`].
@@ -48,8 +48,9 @@ pub fn fly(
     fly_on(flight, seconds, outputs, progress, &mut |_| Ok(None))
 }
 
-/// Flies until the flight arrives, calls the operator, or `seconds` of simulated time (at least one step) are over. The state of
-/// the flight distinguishes these. Then flies on for as long as `onward` says, into the same log and recording. Returns the frames rendered so far together with the result.
+/// Flies until the flight arrives, calls the operator, or `seconds` of simulated time (at least one step) have passed. The state of
+/// the flight distinguishes these. Then continues for as long as `onward` says, into the same log and recording. Returns the frames
+/// rendered so far together with the result.
 ///
 /// # Errors
 /// Returns status 5 if an output cannot be written, status 4 if interrupted, and the error of a replayed command that is refused.
@@ -92,7 +93,7 @@ fn recorder(flight: &FlightApp, outputs: &Outputs) -> Result<Option<Recorder>> {
     Recorder::create(out, size, outputs.shown_fps.unwrap_or(outputs.fps)).map(Some)
 }
 
-/// The error of `what`, a recording or a window, whose flight has made no image to `use_it`.
+/// The error for `what`, a recording or a window, whose flight has made no image to `use_it`.
 pub(crate) fn without_image(flight: &FlightApp, what: &str, use_it: &str) -> Error {
     let inspector = flight.app().inspect();
     let mut who = inspector.own_systems_that_write::<Picture>();
@@ -112,7 +113,7 @@ fn fly_steps(
     onward: Onward,
 ) -> Result<bool> {
     let hz = f64::from(flight.clock().hz);
-    // However short, a flight has a step, and its log a line.
+    // Even the shortest flight has one step, and its log one line.
     let steps = |seconds: f64| (seconds * hz).round().clamp(1.0, 1e15) as u64;
     let mut images = 0;
     let mut tick = 0;
@@ -154,8 +155,8 @@ fn fly_steps(
     {
         flight.end_because(e);
     }
-    // Finish the outputs however the flight ended: first the log, since a recording may hang on another program. A step that
-    // failed was nevertheless executed and logged.
+    // Finish the outputs however the flight ended: the log first, since a recording may hang on another program. A step that failed
+    // was still executed and logged.
     let logged = log.map_or(Ok(()), |mut l| l.add(flight.take_log()).and_then(|()| l.finish(flight.flight().state)));
     let last = fps.map_or(Ok(()), |_| record(flight, overlays));
     let interrupted = flown?;

@@ -1,4 +1,4 @@
-//! What drives a flight of `colvis`, which re-exports it.
+//! The hosts of `colvis`, which drive a flight headless or in a window. `colvis` re-exports them.
 
 #[path = "mod.rs"]
 pub mod host;

@@ -8,7 +8,7 @@ use crate::components::output::LogLine;
 use crate::error::Result;
 use crate::output::{AtomicFile, cannot};
 
-/// A log that is being written. The file appears when it is finished. If a line cannot be written, it does not appear.
+/// A log that is being written. The file appears once it is finished, and not at all if a line cannot be written.
 pub(crate) struct Log {
     path: PathBuf,
     /// `None` after a line could not be written.

@@ -40,7 +40,7 @@ impl Film {
             Some("gif") => Ok(Self::Film),
             _ => {
                 let what = format!("--out {}", out.display());
-                Err(Error::usage(what, "ends neither in .png nor in .gif", "name a .png or a .gif"))
+                Err(Error::usage(what, "does not end in .png or .gif", "give a .png or a .gif"))
             }
         }
     }

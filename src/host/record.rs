@@ -33,10 +33,10 @@ pub fn write_grey_png(path: &Path, pixels: &[u8], [width, height]: [usize; 2]) -
     })
 }
 
-/// How fast the palette of a GIF's image is chosen, 1 (best) to 30: the colours are learnt from every tenth pixel.
+/// Speed at which the palette of a GIF image is chosen, 1 (best) to 30: the colours are learnt from every tenth pixel.
 const PALETTE_SPEED: i32 = 10;
 
-/// The presenter to which a flight hands the pictures to record.
+/// The presenter that receives the pictures of a flight to record.
 pub(crate) struct Recording {
     recorder: Recorder,
     begun: Instant,
@@ -63,7 +63,8 @@ impl Recording {
         }
     }
 
-    /// Starts the time of the next picture, with its marks. Call it when the pose is known. Returns the number of pictures until now.
+    /// Starts the clock of the next picture and takes its marks. Call it when the pose is known. Returns the number of pictures so
+    /// far.
     pub(crate) fn begin(&mut self, marks: Vec<Mark>) -> usize {
         self.marks = marks;
         self.begun = Instant::now();
@@ -87,7 +88,7 @@ impl Recording {
         self.recorder.add(picture)
     }
 
-    /// Takes the outcome of the pictures since the last call.
+    /// Returns the outcome of writing the pictures since the last call.
     ///
     /// # Errors
     /// Returns status 5 if one could not be written.
@@ -131,9 +132,9 @@ pub(crate) enum Recorder {
     },
     /// An animated GIF.
     Gif {
-        /// The encoder, which writes to `file`. `None` before the first image, whose size it takes.
+        /// The encoder, which writes to `file`. `None` before the first image, which sets its size.
         encoder: Option<gif::Encoder<Shared>>,
-        /// The same file, to finish it after the encoder has written its end.
+        /// The same file, to be finished after the encoder has written its trailer.
         file: Shared,
         /// The final name of the file.
         path: PathBuf,
@@ -173,8 +174,8 @@ impl Recorder {
             Some("mp4") => Self::video(path, ImageSize { width, height }, fps),
             _ => Err(Error::usage(
                 format!("--record {out}"),
-                "ends neither in / nor in .gif nor in .mp4",
-                "name a folder with a / at its end, a .gif or an .mp4",
+                "does not end in /, .gif or .mp4",
+                "give a folder that ends in /, a .gif or an .mp4",
             )),
         }
     }
@@ -218,7 +219,7 @@ impl Recorder {
                 Ok(())
             }
             Self::Gif { encoder, file, path, fps, count } => {
-                // A GIF counts hundredths of a second. The time that rounding takes from one image is given to the next.
+                // A GIF counts hundredths of a second. The rounding error of one image is carried over to the next.
                 let until = |n: u64| (n as f64 * 100.0 / *fps).round() as u32;
                 let delay = u16::try_from(until(*count + 1) - until(*count)).unwrap_or(u16::MAX);
                 *count += 1;
@@ -254,17 +255,17 @@ impl Recorder {
         }
     }
 
-    /// Finishes the recording. A GIF or a video gets its final name only now.
+    /// Finishes the recording. Only then does a GIF or a video get its final name.
     ///
     /// # Errors
     /// Returns status 5 if it cannot be written.
     pub(crate) fn finish(self) -> Result<()> {
         match self {
             Self::Folder { .. } => Ok(()),
-            // Without images there is no film, and an existing file of that name stays.
+            // Without images there is no film, and an existing file of that name is kept.
             Self::Gif { count: 0, .. } => Ok(()),
             Self::Gif { encoder, file, path, .. } => {
-                // The encoder writes the file's end when it is dropped.
+                // The encoder writes the file's trailer when it is dropped.
                 drop(encoder);
                 let whole = file.0.lock().map(|mut f| f.take()).unwrap_or_default();
                 whole.map_or_else(
@@ -284,13 +285,13 @@ impl Recorder {
     }
 }
 
-/// A file that an encoder writes to and another owner finishes. A failed write removes it permanently.
+/// A file that an encoder writes to and another owner finishes. It is removed for good if a write fails.
 #[derive(Clone)]
 pub(crate) struct Shared(Arc<Mutex<Option<AtomicFile>>>);
 
 impl Shared {
     fn with<T>(&self, f: impl FnOnce(&mut AtomicFile) -> std::io::Result<T>) -> std::io::Result<T> {
-        let gone = || std::io::Error::other("the file could not be written before");
+        let gone = || std::io::Error::other("an earlier write to the file failed");
         let mut file = self.0.lock().map_err(|_| gone())?;
         let result = f(file.as_mut().ok_or_else(gone)?);
         if result.is_err() {

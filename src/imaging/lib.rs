@@ -1,4 +1,4 @@
-//! The pictures of `colvis`, which re-exports them: rays through volumes, renderers, surfaces, and what stands out of a surface.
+//! The imaging of `colvis`, which re-exports it: rays through volumes, renderers, surfaces, and polyp candidates.
 
 #[cfg(test)]
 #[path = "../../tests/support/checks.rs"]

@@ -117,7 +117,7 @@ impl Lung {
         let (x, y) = ((o.x - self.middle[0]) / self.half[0], (o.y - self.middle[1]) / self.half[1]);
         let off = x * x + y * y;
         let side = (1.0 - off.sqrt()) * self.half[0].min(self.half[1]);
-        // Beyond the outline the diaphragm goes on level.
+        // Beyond the outline the diaphragm continues level.
         let base = o.z - (self.dome - self.drop * off.min(1.0));
         let slope = 2.0 * self.drop / self.half[0].min(self.half[1]);
         smooth_min(side, base / (1.0 + slope * slope).sqrt(), FILLET_MM)

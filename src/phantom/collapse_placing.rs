@@ -24,7 +24,7 @@ fn place(axis: &Centerline, seed: u64) -> Vec<Collapse> {
     [Some(sigmoid), Some(descending), third].into_iter().flatten().map(place).collect()
 }
 
-/// Closes the lumen where [`place`] says, and takes away the polyps and strands that would be there.
+/// Closes the lumen where [`place`] says, and removes the polyps and strands that would be there.
 pub(crate) fn close(shape: &mut Shape, seed: u64) {
     let mut collapsed = place(&shape.axis, seed);
     // Limbs that touch are open.

@@ -27,7 +27,7 @@ pub(crate) fn reserved(shape: &Shape, seed: u64) -> Vec<(DVec3, f64)> {
     balls
 }
 
-/// Adds decoys to `shape`, away from what is `taken`, and takes their places.
+/// Adds decoys to `shape`, away from what is `taken`, and adds their places to it.
 pub(crate) fn place(shape: &mut Shape, down: DVec3, taken: &mut Taken, seed: u64) {
     let adult = shape.axis.length() > 1000.0;
     // Folds first: the other decoys grow on what they leave.
@@ -190,7 +190,7 @@ fn valve(ground: &Ground<'_>) -> Option<Decoy> {
     Some(Decoy { truth, s: spot.s, span_mm: 35.0, body: Body::Valve([lip(-1.0), lip(1.0)]) })
 }
 
-/// Adds the lips that small bowel opens through, and takes away the polyps and folds that would be in their way.
+/// Adds the lips that small bowel opens through, and removes the polyps and folds that would be in their way.
 pub(crate) fn open(shape: &mut Shape, valve: &Valve) {
     let Valve { spot, lips, height, .. } = *valve;
     shape.polyps.retain(|p| p.what.position.distance(spot.at) > 0.5 * (p.what.diameter_mm + lips.size.x) + 4.0);
@@ -249,7 +249,7 @@ fn stool(ground: &Ground<'_>, down: DVec3, draw: &mut Stream, taken: &mut Taken,
     let mut somewhere = |spread: f64, lift: f64| {
         x * draw.within(-spread, spread) + y * draw.within(-spread, spread) + spot.up * draw.within(0.0, lift)
     };
-    // About a unit ball, then as large as it shall be.
+    // About a unit ball, then scaled to its size.
     let balls = [1.0, 0.8, 0.7].map(|r| (somewhere(0.6, 0.3), r));
     let inner = [0.45, 0.4, 0.35, 0.3].map(|r| (somewhere(0.4, 0.5), r));
     let largest = extent(&balls);

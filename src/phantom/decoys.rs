@@ -1,4 +1,4 @@
-//! Decoys: what is no polyp and misleads detectors.
+//! Decoys: structures that are not polyps and mislead detectors.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -9,7 +9,7 @@ use super::texture::lattice;
 
 /// Fillet between a decoy and the wall, and between the parts of a lump, mm.
 const FILLET_MM: f64 = 1.0;
-/// HU of the parts that are no tissue.
+/// HU of the parts that are not tissue.
 const FAT_HU: f64 = -70.0;
 const TUBE_HU: f64 = 250.0;
 const BALLOON_HU: f64 = 60.0;

@@ -21,7 +21,7 @@ const ON_FOLD_MM: f64 = 10.0;
 /// Number of places tried for a lesion.
 const TRIES: usize = 300;
 
-/// What a lesion shall be.
+/// The requested properties of a lesion.
 #[derive(Clone, Copy, Debug)]
 struct Wish {
     shape: PolypShape,
@@ -31,7 +31,7 @@ struct Wish {
     under: bool,
 }
 
-/// Places lesions in `shape`, away from what is `taken`, and takes their places. `pools` hold fluid along `down`.
+/// Places lesions in `shape`, away from what is `taken`, and adds them to it. `pools` hold fluid along `down`.
 pub(crate) fn place(shape: &Shape, pools: &[Pool], down: DVec3, taken: &mut Taken, seed: u64) -> Vec<Attached<Lesion>> {
     let ground = Ground::new(shape);
     let mut lesions = Vec::new();
@@ -47,7 +47,7 @@ pub(crate) fn place(shape: &Shape, pools: &[Pool], down: DVec3, taken: &mut Take
     lesions
 }
 
-/// Returns what the lesions of a colon of `length` mm shall be, the largest first.
+/// Returns the requested lesions of a colon of `length` mm, largest first.
 fn wishes(length: f64, has_pools: bool, seed: u64) -> Vec<Wish> {
     use PolypShape::{Flat, Sessile, Stalked};
     use PolypSite::{Between, Fold, Wall};
@@ -147,7 +147,7 @@ impl Place<'_> {
             let spot = self.on_fold(fold, phi, side, wish)?;
             return self.grown(wish, &form, spot, taken);
         }
-        // Farther and farther from the fold, until the gap is as wide as it shall be.
+        // Farther and farther from the fold, until the gap is as wide as requested.
         let gap = form.gap;
         (0..80)
             .find_map(|i| {
@@ -180,7 +180,7 @@ impl Place<'_> {
         on_it.then_some(spot)
     }
 
-    /// Returns the lesion that grows at `spot`, if it has room and is what it shall be.
+    /// Returns the lesion that grows at `spot`, if it has room and is as requested.
     fn grown(&self, wish: Wish, form: &Form, spot: Spot, taken: &Taken) -> Option<Attached<Lesion>> {
         let lesion = self.lesion(wish, form, &spot)?;
         let fits = taken.has_room_for(&lesion.balls())
@@ -208,7 +208,7 @@ impl Place<'_> {
             }
             PolypShape::Sessile => {
                 let radii = DVec3::new(1.0, form.ratios[0], form.ratios[1]) * radius;
-                // On a fold's flank it shall not come out on the other one.
+                // On a fold's flank, it must not come out on the other side.
                 let lift = if site == PolypSite::Fold { form.lift.max(0.4) } else { form.lift };
                 let centre = root + spot.up * (lift * radii.z);
                 let core = if site == PolypSite::Fold {

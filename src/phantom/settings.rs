@@ -104,7 +104,7 @@ pub struct PhantomSettings {
     pub bridges: bool,
     /// Polyps of every shape and site, about one each 75 mm of the colon, with their ground truth.
     pub lesions: bool,
-    /// What is no polyp and misleads detectors: folds that look like one, the ileocecal valve, a rectal tube, untagged stool.
+    /// Structures that mislead detectors: folds that look like a polyp, the ileocecal valve, a rectal tube, untagged stool.
     pub decoys: bool,
     /// Gas-filled small bowel, joined to the colon by the ileocecal valve: open for odd seeds, closed for even ones.
     pub ileum: bool,

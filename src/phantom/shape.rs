@@ -116,7 +116,7 @@ pub(crate) struct Shape {
     pub bridges: Vec<Attached<Bridge>>,
     /// Polyps of every shape and site.
     pub lesions: Vec<Attached<Lesion>>,
-    /// What is no polyp and looks like one.
+    /// Structures that look like a polyp but are not.
     pub decoys: Vec<Decoy>,
     /// Stretches where the lumen is closed.
     pub collapsed: Vec<Collapse>,

@@ -91,11 +91,11 @@ pub enum Beside {
     Stool,
 }
 
-/// Along the wall a level is no farther than this, mm.
+/// Maximum distance along the wall at which a level is beside a place, mm.
 const RIM_MM: f64 = 2.0;
-/// Tag is no farther than this, mm.
+/// Maximum distance at which tag is near a place, mm.
 const NEAR_MM: f64 = 5.0;
-/// A film of this thickness is one, mm.
+/// Minimum thickness of a film that counts, mm.
 const FILM_MM: f64 = 0.15;
 
 /// One body of tag: how far inside its boundary a position is (mm), in which direction that grows, and its HU.
@@ -142,7 +142,7 @@ impl Tag {
         })
     }
 
-    /// Takes away the lumps of stool and the films within 15 mm of these stretches of arc length.
+    /// Removes the lumps of stool and the films within 15 mm of these stretches of arc length.
     pub(crate) fn keep_off(&mut self, stretches: &[[f64; 2]]) {
         let free = |s: f64| stretches.iter().all(|[from, to]| !(from - 15.0..=to + 15.0).contains(&s));
         self.stool.retain(|lump| free(lump.s));

@@ -13,7 +13,7 @@ impl Phantom {
     /// Returns the grid of [`Phantom::scan`]: [`Phantom::grid`] with the scanner's slices.
     ///
     /// # Errors
-    /// Returns status 2 if the scanner's slices are not finite, thinner than the grid's own, or so thick that less than two fit.
+    /// Returns status 2 if the scanner's slices are not finite, thinner than the grid's own, or so thick that fewer than two fit.
     pub fn scan_grid(&self) -> Result<Grid> {
         self.slice_mm.map_or_else(|| Ok(self.grid()), |mm| thick_grid(&self.grid(), mm))
     }
@@ -66,7 +66,7 @@ impl Phantom {
 }
 
 /// Returns `fine` with slices of `slice_mm` along its third axis. As many as fit are centred on it. Fails with status 2 if
-/// `slice_mm` is not finite, less than the grid's own spacing, or so large that less than two slices fit.
+/// `slice_mm` is not finite, less than the grid's own spacing, or so large that fewer than two slices fit.
 pub(crate) fn thick_grid(fine: &Grid, slice_mm: f64) -> Result<Grid> {
     let ([nx, ny, nz], spacing) = (fine.dims(), fine.spacing());
     let (least, most) = (spacing.z, 0.5 * nz as f64 * spacing.z);
@@ -79,7 +79,7 @@ pub(crate) fn thick_grid(fine: &Grid, slice_mm: f64) -> Result<Grid> {
         return refused(format!("{slice_mm} mm is thinner than the phantom's own slices"));
     }
     if slice_mm > most {
-        return refused(format!("less than two slices of {slice_mm} mm fit into the phantom"));
+        return refused(format!("fewer than two slices of {slice_mm} mm fit into the phantom"));
     }
     let each = slice_mm / spacing.z;
     let count = (nz as f64 / each + 1e-9) as usize;

@@ -174,7 +174,7 @@ fn septum(axis: &Centerline, s: [f64; 2], settings: &PhantomSettings, gap: f64) 
     (far && has_room_but(axis, [[limbs[0].from, limbs[0].to], [limbs[1].from, limbs[1].to]])).then_some(touching)
 }
 
-/// Takes away the folds, polyps and strands at the contacts of a colon.
+/// Removes the folds, polyps and strands at the contacts of a colon.
 pub(crate) fn clear(shape: &mut Shape) {
     for touching in shape.touching.clone() {
         let (middle, patch) = touching.ball();

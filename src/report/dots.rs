@@ -21,7 +21,7 @@ pub(crate) struct Dots {
     pub title: String,
     /// The name of the shares' axis.
     pub x: String,
-    /// What each colour is.
+    /// The name of each colour.
     pub series: Vec<&'static str>,
     /// The lines from top to bottom, each with a share for each series where there is one.
     pub lines: Vec<(String, Vec<Option<f64>>)>,
@@ -67,7 +67,7 @@ impl Dots {
         for (share, name) in self.references.iter().filter(|r| r.0 >= low) {
             let at = across(*share);
             pen.line([(at, top - 6), (at, bottom)], RGBColor(150, 150, 150), 2)?;
-            // Names of near values stand in two rows.
+            // Names of values that are close together alternate between two rows.
             let row = self.references.iter().position(|r| r.1 == *name).unwrap_or(0) as i32 % 2;
             pen.text(name, (at, top - 10 - 15 * row), 13, GREY, (HPos::Center, VPos::Bottom))?;
         }

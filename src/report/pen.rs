@@ -27,7 +27,7 @@ pub(super) const INK: RGBColor = BLACK;
 
 /// A place in a picture, pixels to the right and downwards.
 pub(super) type Place = (i32, i32);
-/// What drawing returns: plotters' fault, in words.
+/// The result of drawing: plotters' error, as text.
 pub(super) type Drawn = std::result::Result<(), String>;
 
 /// Returns the colour of the series `n`.
@@ -53,7 +53,7 @@ fn words<E: std::error::Error + Send + Sync>(drawn: std::result::Result<(), Draw
 }
 
 impl Pen<'_> {
-    /// Writes `s` in letters of `px` pixels, `(h, v)` of it at a place.
+    /// Writes `s` in letters of `px` pixels, aligned to a place by `h` and `v`.
     pub(super) fn text(&self, s: &str, at: Place, px: i32, colour: RGBColor, (h, v): (HPos, VPos)) -> Drawn {
         let style = ("sans-serif", px).into_font().color(&colour).pos(Pos::new(h, v));
         words(self.0.draw(&Text::new(s.to_owned(), at, style)))

@@ -46,7 +46,7 @@ impl Series {
         Self { name: name.into(), points: points.into_iter().collect(), line: true }
     }
 
-    /// Groups points by the name of their series, in the order of the names' first points. The bool tells whether a line is drawn.
+    /// Groups points by the name of their series, in the order of the names' first points. The bool is true if a line is drawn.
     pub(crate) fn grouped(points: impl IntoIterator<Item = (String, bool, Point)>) -> Vec<Self> {
         let mut all: Vec<Self> = Vec::new();
         for (name, line, point) in points {

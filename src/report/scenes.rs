@@ -232,7 +232,7 @@ fn write(
     let (lights, scenes): (Vec<&Cost>, Vec<&Cost>) = costs.iter().partition(|c| c.name.starts_with("light "));
     let (whole, parts): (Vec<&Cost>, Vec<&Cost>) = scenes.into_iter().partition(|c| !c.name.starts_with("without "));
     let Some(full) = whole.iter().find(|c| c.name == "everything") else { return Ok(Vec::new()) };
-    let mut page = Page::new(folder, "colvis: what leaving out saves")?;
+    let mut page = Page::new(folder, "colvis: savings from parts that a scene leaves out")?;
     page.text(&format!(
         "The same flight with different scenes, in turns: the median time of a simulation step and, with a picture, of a frame of {pixels} × {pixels} pixels. Bytes are those that `explain` reports, in addition to the volume of {:.1} MiB. \
          \"everything\" is the default flight with a picture, a log and an operator.",
@@ -251,12 +251,12 @@ fn write(
     );
     page.table("scenes", &table)?;
     if let Some((table, finding)) = tentacles(full, pixels) {
-        page.section("What the paper says of tentacles");
+        page.section("The paper's claim about tentacles");
         page.table("tentacles", &table)?;
         page.finding(&finding);
         findings.push(finding);
     }
-    page.section("What the light at the camera costs");
+    page.section("Cost of the light at the camera");
     let lights = lights.iter().filter_map(|c| Some((c, full.frame_ms?, c.frame_ms?)));
     let table = table!(for (c, plain, ms) in lights;
         "light" => c.name.trim_start_matches("light "),
@@ -265,7 +265,7 @@ fn write(
         "share / %" => (100.0 * (ms / plain - 1.0), 1),
     );
     page.table("lights", &table)?;
-    page.section("What each part left out of everything saves");
+    page.section("Savings from each part left out");
     let table = table!(for c in &parts;
         "left out" => c.name.trim_start_matches("without "),
         "systems" => (full.systems as f64 - c.systems as f64, 0),
@@ -282,7 +282,7 @@ fn write(
     let series = |name: &str, all: &[&Cost]| Series { name: name.to_owned(), points: points(all), line: false };
     let series = vec![series("scenes", &whole), series("everything but one part", &parts)];
     let title = "A simulation step against memory";
-    let plot = Plot::new(title, "memory beside the volume / MiB", "step / µs", series);
+    let plot = Plot::new(title, "memory in addition to the volume / MiB", "step / µs", series);
     page.plot("steps", &plot, "Less is better in both.")?;
     page.section("Built before the first step");
     let table = table!(for &(part, bytes, s) in built;
@@ -313,8 +313,8 @@ fn tentacles(full: &Cost, pixels: usize) -> Option<(Table, String)> {
         "share / %" => (share, 2),
     );
     let finding = format!(
-        "Casting {count} tentacles takes {sense_us:.0} µs, and at {FPS:.0} pictures a second {share:.1} % of what a picture of {pixels} × {pixels} \
-         pixels takes; the paper calls it negligible."
+        "Casting {count} tentacles takes {sense_us:.0} µs. At {FPS:.0} pictures a second, that is {share:.1} % of the time for a picture \
+         of {pixels} × {pixels} pixels; the paper calls it negligible."
     );
     Some((table, finding))
 }
@@ -330,13 +330,13 @@ fn findings(full: &Cost, parts: &[&Cost]) -> Vec<String> {
     });
     vec![
         format!(
-            "A step of the whole scene takes {:.0} µs; leaving out {} saves most, {:.0} µs.",
+            "A step of the whole scene takes {:.0} µs; leaving out {} saves the most, {:.0} µs.",
             full.step_us,
             part(step),
             saves(step)
         ),
         format!(
-            "{picture}Most memory, {:.1} of {:.1} MiB, is saved by leaving out {}.",
+            "{picture}The largest saving of memory, {:.1} of {:.1} MiB, comes from leaving out {}.",
             (full.bytes - memory.bytes) / MIB,
             full.bytes / MIB,
             part(memory)
@@ -390,7 +390,7 @@ mod tests {
         };
         let (a, b) = (cost("without a", 90.0, 40.0), cost("without b", 50.0, 95.0));
         let f = findings(&cost("everything", 100.0, 100.0), &[&a, &b]);
-        assert!(f[0].contains("leaving out a saves most, 60 µs"), "{}", f[0]);
+        assert!(f[0].contains("leaving out a saves the most, 60 µs"), "{}", f[0]);
         assert!(
             f[1].contains("5.0 ms a frame, as much as 50 steps")
                 && f[1].contains("50.0 of 100.0 MiB")

@@ -11,9 +11,8 @@
 //! | 4 | [`Kind::Incomplete`]: the flight or path cannot be completed: nothing to fly through, a point outside the lumen, a flight that calls the operator without a window, or an interruption (Ctrl-C). Log, statistics and recording are written and complete up to that point |
 //! | 5 | [`Kind::Output`]: an output cannot be written: no permission, disk full, missing folder, no `ffmpeg` for a video |
 //!
-//! Every failure prints exactly one line to standard error: `error: WHAT: WHY; HINT`. Notes and progress come before it, and so does
-//! what there is to choose from, one line for each of [`Error::choices`]. Output files are written completely or not at all (see
-//! [`crate::output`]).
+//! Every failure prints exactly one line to standard error: `error: WHAT: WHY; HINT`. Notes and progress come before it, and so do
+//! the choices, one line for each of [`Error::choices`]. Output files are written completely or not at all (see [`crate::output`]).
 
 use std::ffi::OsStr;
 use std::fmt;
@@ -29,7 +28,7 @@ pub fn program_name() -> &'static str {
     PROGRAM.get().map_or("colvis", String::as_str)
 }
 
-/// Tells the name of the program that runs: the file name of its first argument. The first call counts.
+/// Sets the name of the running program: the file name of its first argument. Only the first call counts.
 #[doc(hidden)]
 pub fn set_program_name(first_argument: &OsStr) {
     if let Some(name) = Path::new(first_argument).file_stem().and_then(OsStr::to_str).filter(|n| !n.is_empty()) {

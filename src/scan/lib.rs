@@ -1,4 +1,4 @@
-//! The ground of `colvis`, which re-exports it: errors, numbers, output files, progress, and volumes with their files. It knows
+//! The foundation of `colvis`, which re-exports it: errors, numbers, output files, progress, and volumes with their files. It knows
 //! nothing of flights and pictures.
 
 pub mod error;

@@ -41,7 +41,7 @@ struct Job {
 struct Listener {
     /// The callback. Its lock is held while it runs, so that it runs once at a time.
     call: Mutex<Box<OnChange>>,
-    /// Number of changes to tell.
+    /// Number of changes to report.
     changes: AtomicU64,
     /// The last percentage of this stage that counted as a change, plus one.
     percent: AtomicU64,
@@ -68,7 +68,7 @@ impl Progress {
     ///
     /// It is called on the thread that does the work, which may be any thread of a pool, and one call at a time. The work waits for
     /// it, so it should be fast. It may cancel the job. If it panics, it is not called again, and the work ends with an error that
-    /// tells so.
+    /// says so.
     ///
     /// ```
     /// # use colvis_scan as colvis;

@@ -56,7 +56,7 @@ pub fn look_along_way(clock: Res<Clock>, walls: Single<&Walls, With<Main>>, came
     let in_sight = |mm: f64| !walls.0.enters(pose.position, place(mm));
     let jumps = planned.map_or(0, |p| p.jumps);
     if gaze.jumps != Some(jumps) {
-        // The camera was placed with a view along the next stretch of the way, from which it goes on.
+        // The camera was placed with a view along the next stretch of the way, and continues from there.
         let seen = (1..PLACES).map(|n| STEP_MM * n as f64).take_while(|&mm| in_sight(mm)).last();
         *gaze = Gaze { reach_mm: seen.unwrap_or(0.0).clamp(Gaze::LEAST_MM, BEGINS_MM), jumps: Some(jumps) };
     } else if in_sight(gaze.reach_mm) {

@@ -400,7 +400,7 @@ def render(b):
     lines += ["### The paper's ideas, each in the paper's preset", beside(found["worth"], "idea", ("times faster",))]
     name, (_, claims) = found["claims"][-1]
     lines += [f"### The paper's claims, on the {name}", "\n".join(f"- *{r[0]}* {r[1]}" for r in claims)]
-    columns = ("frame median / ms", "of the first", "greatest difference")
+    columns = ("frame median / ms", "of the first", "largest difference")
     rows = []
     for what, title in (("voxels", ""), ("threads", " threads"), ("simd", "")):
         rows += [[f"{r[0]}{title}", *r[1:]] for r in pick(*read(f"phantom-{what}"), (what, *columns))[1]]

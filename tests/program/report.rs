@@ -274,7 +274,7 @@ fn coverage_is_reported() {
         assert!(50.0 < one && one <= both && one <= back && both <= 100.0, "{r:?}");
         assert!(one <= ahead && back <= reviewed && ahead <= reviewed + 5.0, "{r:?}");
         if r[1] == "path" {
-            let all = number(r, "can be seen at all / %");
+            let all = number(r, "visible maximum / %");
             assert!(all <= 100.0 + 1e-9 && [both, back, ahead, reviewed].iter().all(|s| *s <= all + 0.2), "{r:?}");
         }
     }

@@ -64,7 +64,7 @@ mod cases {
         ("asks for an unknown action", 0, 30, "action \"jump\" does not exist"),
         ("asks for a held key", 0, 30, "action \"forward\" cannot be requested, because it works by its key alone"),
         ("tells badly", 0, 30, "plug-in bad: panicked: told badly"),
-        ("action asks for itself", 0, 30, "action bad asks for itself"),
+        ("action asks for itself", 0, 30, "action bad requests itself"),
     ];
 
     /// Returns colvis with the plug-in of a case.

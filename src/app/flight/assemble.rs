@@ -75,7 +75,7 @@ impl FlightApp {
         let gas = plan.gas.as_ref().unwrap_or(lumen);
         if !self.camera::<LiveCoverage>().is_some_and(|c| c.belongs_to(gas)) {
             let mut coverage = LiveCoverage::of(volume, gas, &self.progress)?;
-            // In another lumen the views until now have seen another wall.
+            // In another lumen, the views so far have seen another wall.
             let views = self.camera::<Trail>().map_or(&[][..], Trail::views);
             // Before the flight's first step there is no clock, and no view.
             let seconds = self.app.world.get_resource::<Clock>().map_or(0.0, Clock::seconds);
@@ -89,8 +89,7 @@ impl FlightApp {
         Ok(())
     }
 
-    /// Watches from now on what the flight sees of the wall. `coverage` is of this flight's gas, and may already have taken views of
-    /// it.
+    /// Measures coverage from now on. `coverage` belongs to this flight's gas, and may already contain views of it.
     ///
     /// # Errors
     /// Returns the errors of any change of the schedule.
@@ -105,8 +104,7 @@ impl FlightApp {
         Ok(())
     }
 
-    /// Paints from now on what was not seen over the camera's picture and over slices with marks, or stops it. Returns the paint that
-    /// was there before.
+    /// Starts or stops painting the unseen wall over the camera's picture and over slices with marks. Returns the previous paint.
     ///
     /// # Errors
     /// Returns the errors of any change of the schedule.
@@ -147,7 +145,7 @@ impl FlightApp {
             camera.insert_if_new(picture);
         }
         present::hand_on(&mut self.app, former);
-        // What cannot be built any more is missing in a flight that has ended.
+        // A flight that has ended does without what can no longer be built.
         let _ = self.rebuild().and_then(|()| self.views().prepare());
         if let Some(pose) = self.sound {
             self.app.camera().insert(pose);

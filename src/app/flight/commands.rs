@@ -22,7 +22,7 @@ impl FlightApp {
     /// # Errors
     /// Returns an error if the command requests something that does not exist.
     pub fn act(&mut self, command: impl Into<Command>) -> Result<()> {
-        // A recording holds finite numbers alone.
+        // A recording holds only finite numbers.
         let (tick, Some(command)) = (self.clock().tick, command.into().finite()) else { return Ok(()) };
         match &command {
             Command::Hand(command) => {
@@ -41,7 +41,7 @@ impl FlightApp {
     }
 
     pub(super) fn follow(&mut self, command: &FlightCommand) -> Result<()> {
-        // Another guide or way than that of the tour.
+        // Another guide or path than the tour's.
         if matches!(
             command,
             FlightCommand::Guide(_) | FlightCommand::Reverse | FlightCommand::Segment(_) | FlightCommand::OtherEnd
@@ -107,12 +107,12 @@ impl FlightApp {
                     picture.fov_degrees = held.unwrap_or(picture.fov_degrees);
                 }
             }
-            // Only a newer list of commands than this one has others.
+            // A newer version of the list may have other commands.
             _ => {
                 return Err(Error::incomplete(
                     "command",
                     "not known here",
-                    "use colvis and its members in one version",
+                    "use the same version of colvis and its members",
                 ));
             }
         }
@@ -192,13 +192,13 @@ impl FlightApp {
             }
             None => {
                 let at = self.survey().trail().and_then(|t| t.at(share)).ok_or_else(|| {
-                    Error::incomplete("way", "not flown yet, and no planned route", "change the guide to path (G)")
+                    Error::incomplete("path", "not flown yet, and no planned route", "change the guide to path (G)")
                 })?;
                 (at.0, at.1.forward, at.1.up)
             }
         };
         if !self.place(position, forward, up) {
-            return Err(Error::incomplete("way", "the camera does not fit there", "choose another place"));
+            return Err(Error::incomplete("path", "the camera does not fit there", "choose another place"));
         }
         if let Some(mut planned) = self.camera_mut::<Planned>() {
             planned.jumps += 1;

@@ -1,4 +1,4 @@
-//! How the colon goes on beyond the gas that is flown.
+//! How the colon continues beyond the gas that is flown.
 
 use std::sync::{Arc, OnceLock};
 use std::thread;
@@ -29,8 +29,9 @@ impl Drop for Connecting {
 }
 
 impl FlightApp {
-    /// Returns the way between the requested ends of the colon, in stretches of gas, of fluid, and where the lumen is collapsed. The
-    /// first call looks for it, which takes up to a second for each gap. `None` if the ends are in one segment of gas, or in none.
+    /// Returns the connection between the requested ends of the colon, in stretches of gas, of fluid, and where the lumen is
+    /// collapsed. The first call searches for it, which takes up to a second for each gap. `None` if the ends are in one segment of
+    /// gas, or in none.
     ///
     /// Only gas is flown.
     ///
@@ -52,7 +53,7 @@ impl FlightApp {
         self.connecting.found.get().and_then(Option::as_ref)
     }
 
-    /// Looks for the connection in the background, unless that is done. True while the search goes on.
+    /// Searches for the connection in the background, unless it is known. True while the search continues.
     pub(crate) fn seek_connection(&self) -> bool {
         let Connecting { found, search: going } = &self.connecting;
         if found.get().is_some() {
@@ -67,7 +68,7 @@ impl FlightApp {
                 let way = search(&volume, &lumen, &plan, &seen).unwrap_or_default();
                 found.get_or_init(|| way);
             };
-            // Without a thread nothing is drawn, and the flight goes on.
+            // Without a thread nothing is drawn, and the flight continues.
             drop(thread::Builder::new().name("connection".to_owned()).spawn(work));
             progress
         });

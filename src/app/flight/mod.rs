@@ -56,11 +56,11 @@ pub struct FlightApp {
     /// The commands that took effect, and those that are left to replay.
     pub commands: CommandRecord,
     progress: Arc<Progress>,
-    /// The review that is under way.
+    /// The current review.
     reviewing: Option<review::Reviewing>,
-    /// Number of stops that the last review has looked at.
+    /// Number of stops that the last review has reached.
     reached: usize,
-    /// The distances to the wall that the last tour was planned by, and the gas that they are of.
+    /// The distances to the wall with which the last tour was planned, and the gas that they belong to.
     toured: Option<(Arc<Lumen>, Arc<WallDistance>)>,
     /// The camera's last valid pose.
     sound: Option<Pose>,
@@ -243,8 +243,8 @@ impl FlightApp {
         View::with_model(pose.position, forward, up, picture.camera, picture.fov_degrees, width, height).ok()
     }
 
-    /// Renders what the camera sees now in `width` × `height` pixels, at high quality, with the scene's renderer. Works also if
-    /// the scene has no picture. It is the scan that is flown through, whatever the window shows.
+    /// Renders what the camera sees now in `width` × `height` pixels, at high quality, with the scene's renderer, even if the scene
+    /// has no picture. It always shows the scan that is flown through, whatever the window shows.
     ///
     /// # Errors
     /// Returns status 2 for an image without pixels, and status 1 if a renderer of another crate panics.
@@ -272,8 +272,8 @@ impl FlightApp {
         notes
     }
 
-    /// Returns what the plug-ins tell about the flight ([`Plugin::stats`](crate::schedule::Plugin::stats)), by their names, and the
-    /// error of the first that has panicked while it was asked. The others are asked all the same.
+    /// Returns the statistics of the plug-ins ([`Plugin::stats`](crate::schedule::Plugin::stats)) by their names, and the error of
+    /// the first plug-in that panicked. The others are still asked.
     pub fn plugin_stats(&self) -> (serde_json::Map<String, serde_json::Value>, Result<()>) {
         let (mut told, mut outcome) = (serde_json::Map::new(), Ok(()));
         for plugin in self.setup.scene.plugins.iter() {
@@ -377,7 +377,7 @@ impl FlightApp {
         other.map_or(&self.setup.volume, |scan| &scan.0)
     }
 
-    /// Returns what the flight has covered until now.
+    /// Returns what the flight has covered so far.
     pub fn survey(&self) -> Survey<'_> {
         Survey { flight: self, as_flown: None }
     }

@@ -45,7 +45,7 @@ pub struct TourPlan {
     pub distance_s: f64,
 }
 
-/// A review that is under way, with what it has replaced.
+/// A review in progress, with the state that it replaced.
 pub(super) struct Reviewing {
     tour: TourPlan,
     steering: Steering,
@@ -138,12 +138,12 @@ impl FlightApp {
         self.reviewing.as_ref().map(|r| &r.tour)
     }
 
-    /// Returns how many stops the review has reached that is being flown, or else the last one.
+    /// Returns the number of stops that the current review has reached, or else the last one.
     pub fn stops_reached(&self) -> usize {
         self.camera::<Review>().map_or(self.reached, |r| r.reached)
     }
 
-    /// Sets out on the tour past `stops`.
+    /// Starts the tour past `stops`.
     pub(super) fn review(&mut self, stops: &[ReviewStop]) -> Result<()> {
         if !self.setup.scene.moves() {
             let why = "nothing in the scene moves the camera";
@@ -202,7 +202,7 @@ impl FlightApp {
         Ok(())
     }
 
-    /// Adds the tour that is under way to the camera, for the look that follows it.
+    /// Adds the current tour to the camera, for the look that follows it.
     pub(super) fn tour_component(&self) -> Option<Review> {
         self.reviewing.as_ref().map(|r| Review::new(r.tour.stops.clone()))
     }

@@ -9,14 +9,14 @@ use crate::components::trail::Trail;
 use crate::coverage::tour;
 use crate::error::Result;
 
-/// The least area of a patch that each round visits, mm². Those after the first are flown while less than [`ENOUGH`] of the wall was
-/// seen, and the round before has gained.
+/// Minimum area of a patch that each round visits, mm². Later rounds are flown only while less than [`ENOUGH`] of the wall was seen
+/// and the previous round has gained enough.
 const ROUNDS: [f64; 3] = [300.0, 100.0, 40.0];
-/// A share of the wall that is enough.
+/// Share of the wall from which no more rounds are flown.
 const ENOUGH: f64 = 0.975;
-/// A round that shows less of the wall than this is the last.
+/// Minimum gain of a round, as a share of the wall, for another one to follow.
 const LEAST_GAIN: f64 = 0.002;
-/// Random orders that a tour is compared with.
+/// Number of random orders that a tour is compared with.
 const RANDOM: u64 = 1000;
 
 /// A flight's review, round by round.
@@ -39,9 +39,9 @@ const RANDOM: u64 = 1000;
 /// ```
 #[derive(Clone, Debug)]
 pub struct ReviewRounds {
-    /// What was seen until the last tour that has ended.
+    /// The coverage after the last completed tour.
     pub covered: Covered,
-    /// The tours, the last of which may be under way.
+    /// The tours. The last one may still be in progress.
     pub tours: Vec<TourFlown>,
     fov_degrees: f64,
     /// Number of views before the review, and of those whose coverage is known.
@@ -49,7 +49,7 @@ pub struct ReviewRounds {
     counted: usize,
     /// Areas of the rounds to come, mm².
     left: &'static [f64],
-    /// Stops that the next round visits besides.
+    /// Stops that the next round visits in addition.
     also: Vec<ReviewStop>,
 }
 
@@ -60,7 +60,7 @@ pub struct TourFlown {
     pub stops: usize,
     /// Number of those that were looked at or passed.
     pub reached: usize,
-    /// Number of places to which no way leads.
+    /// Number of places that cannot be reached.
     pub left_out: usize,
     /// Length as flown, mm.
     pub length_mm: f64,
@@ -74,14 +74,14 @@ pub struct TourFlown {
     pub planned_s: f64,
     /// … and before it for the distances to the wall.
     pub distance_s: f64,
-    /// Share of the wall that it has shown and the flight had not.
+    /// Share of the wall that it has shown for the first time.
     pub gain: f64,
     /// True if it was flown to its end.
     pub is_complete: bool,
 }
 
 impl ReviewRounds {
-    /// Begins after a flight that has seen `covered` in square pictures of `fov_degrees`.
+    /// Begins after a flight that has seen `covered`, in square pictures with a view angle of `fov_degrees`.
     pub fn new(flight: &FlightApp, covered: Covered, fov_degrees: f64) -> Self {
         let flown = views(flight);
         Self { covered, tours: Vec::new(), fov_degrees, flown, counted: flown, left: &ROUNDS, also: Vec::new() }
@@ -96,7 +96,7 @@ impl ReviewRounds {
         places.len() - (self.also.len() - before)
     }
 
-    /// Sets out on the next tour. Returns false if none is due.
+    /// Starts the next tour. Returns false if none is due.
     ///
     /// # Errors
     /// Returns status 4 if no way leads to any stop, or if interrupted.
@@ -134,7 +134,7 @@ impl ReviewRounds {
         Ok(true)
     }
 
-    /// Ends the tour that is under way, if it has not ended, and looks at what it has shown.
+    /// Ends the current tour, if it has not ended, and evaluates what it has shown.
     ///
     /// # Errors
     /// Returns the errors of [`FlightApp::act`].

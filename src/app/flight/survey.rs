@@ -20,7 +20,7 @@ const BACK_GAINS: f64 = 0.005;
 /// The end of the way is somewhere else if it is farther from the camera than this, mm.
 const END_MM: f64 = 20.0;
 
-/// What a flight has covered until now, from [`FlightApp::survey`].
+/// What a flight has covered so far, from [`FlightApp::survey`].
 #[derive(Clone, Copy)]
 pub struct Survey<'a> {
     pub(super) flight: &'a FlightApp,
@@ -28,7 +28,7 @@ pub struct Survey<'a> {
     pub(super) as_flown: Option<&'a LiveCoverage>,
 }
 
-/// What of the wall a flight has seen, from [`Survey::coverage`].
+/// The coverage of a flight, from [`Survey::coverage`].
 #[derive(Clone, Debug)]
 pub struct Covered {
     /// The wall.
@@ -54,7 +54,7 @@ impl<'a> Survey<'a> {
         self.flight.camera()
     }
 
-    /// Returns what of the wall was seen, in the gas flown through: see [`crate::coverage`]. With `count`, all views that see a
+    /// Returns the coverage of the wall of the gas flown through: see [`crate::coverage`]. With `count`, all views that see a
     /// triangle are counted, which takes longer. `None` if that gas is not known.
     ///
     /// # Errors
@@ -85,9 +85,9 @@ impl<'a> Survey<'a> {
 
     /// Returns the places that a review should visit, for [`FlightCommand::Review`](crate::components::input::FlightCommand::Review).
     ///
-    /// If the places flown show much more looking back, the review flies back: it visits the far end of the first `flown` views, and
-    /// what is seen on the way there is no stop. A stop shows a patch of at least `least_mm2` that was not seen, and none is made for a
-    /// patch that another stop shows well.
+    /// If looking back from the places flown shows much more, the review flies back: it visits the far end of the first `flown`
+    /// views, and what is seen on the way needs no stop. Each stop shows a patch of at least `least_mm2` that was not seen. A patch
+    /// that another stop shows well gets none.
     ///
     /// # Errors
     /// Returns status 2 if the view angle is invalid.
@@ -118,8 +118,8 @@ impl<'a> Survey<'a> {
         Ok(stops)
     }
 
-    /// Returns for each place (world mm) on the wall, such as that of a candidate, a stop that looks at it; `None` if it is not on the
-    /// wall that was flown along, or if the camera fits nowhere before it.
+    /// Returns a stop that looks at each place (world mm) on the wall, such as that of a candidate; `None` for a place that is not
+    /// on the wall that was flown along, or in front of which the camera does not fit.
     pub fn stops_to_see(self, covered: &Covered, places: &[DVec3]) -> Vec<Option<ReviewStop>> {
         let setup = &self.flight.setup;
         let looks = missed::look_at(&covered.wall, places, self.scans(), setup.scene.body.radius_mm);
@@ -127,13 +127,14 @@ impl<'a> Survey<'a> {
         looks.into_iter().zip(places).map(stop).collect()
     }
 
-    /// Returns the same of the scan that is flown through, also while a window shows another one. `wall` is that of the gas that is flown.
+    /// Returns the same survey of the scan that is flown through, even while a window shows another one. `wall` is that of the gas
+    /// that is flown.
     #[must_use]
     pub fn as_flown(self, wall: &'a LiveCoverage) -> Self {
         Self { as_flown: Some(wall), ..self }
     }
 
-    /// Returns what is watched of another scan, if a window shows that in place of the one that is flown through.
+    /// Returns the coverage of another scan, if a window shows that in place of the one that is flown through.
     fn beside(self) -> Option<&'a LiveCoverage> {
         let Setup { lumen, plan, .. } = &self.flight.setup;
         let flown = plan.gas.as_ref().unwrap_or(lumen);
@@ -159,7 +160,7 @@ impl<'a> Survey<'a> {
         if gas.segments.is_empty()
             && let Some(first) = views.first()
         {
-            // A played log: the colon has not been segmented until now.
+            // A log is played: the colon has not been segmented yet.
             gas = Arc::new(lumen::find_told(volume.voxels(), told, progress)?);
             if gas.segment_at(first.0).is_none()
                 && let Some(there) = lumen::gas_at(volume.voxels(), first.0, progress)?

@@ -16,7 +16,7 @@ use crate::plan::{self, Plan, SegmentEnd};
 /// Distance from gas at which the camera belongs to it, mm.
 const NEAR_MM: f64 = 5.0;
 
-/// How a flight goes on in another lumen.
+/// How a flight continues in another lumen.
 #[derive(Clone, Debug)]
 #[doc(hidden)]
 pub enum Onward {
@@ -47,7 +47,7 @@ fn is_same(a: &Segment, b: &Segment) -> bool {
     a.ml == b.ml && a.bounds_mm == b.bounds_mm && (a.ends == b.ends || a.ends == swapped)
 }
 
-/// Plans how a flight goes on in another lumen of its scan, with the camera at `position` (world, mm).
+/// Plans how a flight continues in another lumen of its scan, with the camera at `position` (world, mm).
 ///
 /// # Errors
 /// Returns status 4 if the segment to fly is too narrow for the body.

@@ -160,7 +160,8 @@ impl Views<'_> {
         any
     }
 
-    /// Sends a view's pictures to a presenter from now on, beside all others: see [`Presenter`]. It takes the place of one of its type.
+    /// Sends a view's pictures to a presenter from now on, in addition to all others: see [`Presenter`]. It replaces a presenter of
+    /// the same type.
     ///
     /// # Errors
     /// Returns the errors of any change of the schedule.

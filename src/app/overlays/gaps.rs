@@ -1,6 +1,6 @@
-//! How the colon goes on beyond the gas: dashed lines through fluid, and where the lumen is collapsed.
+//! How the colon continues beyond the gas: dashed lines through fluid, and where the lumen is collapsed.
 //!
-//! What is drawn through collapsed lumen is a guess, and says so. The lines are drawn through walls, because they begin behind one.
+//! A line through collapsed lumen is a guess, and labelled as one. Lines are drawn over walls, because they begin behind one.
 
 use glam::DVec3;
 

@@ -1,5 +1,5 @@
-//! Built-in overlays: the camera's tentacles, the mines and forces that act on it (paper, figures 4 and 5), and how the colon goes on
-//! beyond the gas, drawn over the picture.
+//! Built-in overlays: the camera's tentacles, the mines and forces that act on it (paper, figures 4 and 5), and how the colon
+//! continues beyond the gas, drawn over the picture.
 //!
 //! Each is one file, with its entry in [`BUILT_IN`]. All are hidden at first, and nothing is computed for a hidden one. What a
 //! picture cannot show, because it begins at the eye or is behind the camera, is drawn in two small views of the surroundings

@@ -24,7 +24,7 @@ const WIDTH_HU: f64 = 1500.0;
 /// Name of the page.
 pub(crate) const PAGE: &str = "index.html";
 
-/// What the pictures are made of.
+/// The inputs of the pictures.
 pub(super) struct Scene<'a> {
     /// The scan that the candidates were found in.
     pub(super) volume: Volume,

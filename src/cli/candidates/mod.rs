@@ -28,7 +28,7 @@ pub(crate) fn run(program: &Program, args: &CandidatesArgs, global: &Global, pro
     let transfer = prepare::transfer(global)?;
     check_outputs(args)?;
     let mut timings = Timings::default();
-    // Not twice.
+    // The command cleanses the scan itself; `--cleanse` must not do it first.
     let global = Global { cleanse: false, ..global.clone() };
     let mut volume = prepare::load(&args.input, &global, &mut timings, progress)?;
     let (lumen, _) = prepare::cleansed_lumen(&mut volume, args.from.map(|p| p.0), true, &mut timings, progress)?;

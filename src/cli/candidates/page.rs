@@ -164,7 +164,7 @@ impl Card<'_> {
                 escape(term.summary)
             );
         }
-        format!("<table class=\"terms\"><caption>What the score is made of</caption>\n{rows}</table>\n")
+        format!("<table class=\"terms\"><caption>Terms of the score</caption>\n{rows}</table>\n")
     }
 
     fn features(&self) -> String {

@@ -1,4 +1,4 @@
-//! What of the wall a flight has seen, and the review of what it has missed.
+//! The coverage of a flight, and the review of the missed patches.
 
 use std::path::PathBuf;
 
@@ -22,25 +22,25 @@ use crate::polyps::answers::{Answer, Answers};
 use crate::progress::Progress;
 use crate::render::CameraModel;
 
-/// Looking back shows enough to be told if it shows this share of the wall more.
+/// The benefit of looking back is reported if it shows at least this additional share of the wall.
 const BACK_TOLD: f64 = 0.005;
 /// Maximum duration of a tour, simulated seconds.
 const TOUR_SECONDS: f64 = 3600.0;
 
-/// What is asked about the wall that was seen.
+/// The requested coverage.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Covering {
     /// View angle, degrees.
     pub fov_degrees: f64,
-    /// File for the wall with what was seen of it.
+    /// File for the wall with the coverage of each face.
     pub mesh: Option<PathBuf>,
-    /// True if what was missed is visited.
+    /// True if missed patches are visited.
     pub review: bool,
     /// Places of candidates that the review visits, too, world mm.
     pub unsure: Vec<DVec3>,
 }
 
-/// What was seen, and how the review goes.
+/// The coverage so far, and the state of the review.
 pub(super) struct Seen {
     stats: Stats,
     /// `None` if no gas was flown through.
@@ -50,9 +50,9 @@ pub(super) struct Seen {
 
 /// Parts of the stats.
 pub(super) struct Stats {
-    /// How the flight went, without its review.
+    /// The outcome of the flight, without its review.
     pub flight: Map<String, Value>,
-    /// What of the wall was seen.
+    /// The coverage of the wall.
     pub wall: Map<String, Value>,
     /// Time for planning the tours of a review, s, and before it for the distances to the wall.
     pub took: Option<[f64; 2]>,
@@ -75,8 +75,8 @@ impl Covering {
 
     /// Returns the stats of a flight in a window, where the operator decides on a review.
     ///
-    /// They are of the scan that was flown through, and of the flight: another scan that the window shows, and what was looked at
-    /// beside the flight or in an earlier sitting, depend on when it was closed.
+    /// They describe the flight and the scan that it flew through. They do not depend on another scan that the window shows, on
+    /// views beside the flight or of an earlier session, or on when the window was closed.
     #[cfg(any(feature = "window", test))]
     pub(super) fn flown(&self, flight: &FlightApp) -> Result<Stats> {
         let Setup { volume, lumen, plan, scene, .. } = flight.setup();
@@ -91,8 +91,8 @@ impl Covering {
         self.first(flight, survey, Some(live.clone())).map(|seen| seen.stats)
     }
 
-    /// Looks at what was seen when the flight or a tour has ended, and sets out on the next tour. Returns the time for it, s; `None` if
-    /// it is over.
+    /// Evaluates the coverage when the flight or a tour has ended, and starts the next tour. Returns its time limit, s; `None` if
+    /// the review is over.
     pub(super) fn onward(&self, flight: &mut FlightApp, seen: &mut Option<Seen>) -> Result<Option<f64>> {
         let Some(seen) = seen else {
             let first = self.first(flight, flight.survey(), flight.camera::<LiveCoverage>().cloned())?;
@@ -107,7 +107,7 @@ impl Covering {
         set_out(flight, seen)
     }
 
-    /// Looks at what the flight has seen, and goes on with what was watched of it.
+    /// Evaluates what the flight has seen, continuing from its live coverage.
     fn first(&self, flight: &FlightApp, survey: Survey<'_>, live: Option<LiveCoverage>) -> Result<Seen> {
         let covered = survey.coverage(self.fov_degrees, self.mesh.is_some())?;
         let mut wall = Map::new();
@@ -115,7 +115,7 @@ impl Covering {
         wall.insert("coverage".to_owned(), json!(both.map(|c| c.one_way)));
         wall.insert("coverage_both_ways".to_owned(), json!(both.map(|c| c.both_ways)));
         if let Some(mut live) = live {
-            // With the last views, which wait for their turn.
+            // Include the last views, which are still queued.
             let views = survey.trail().map_or(&[][..], Trail::views);
             live.catch_up(&flight.setup().volume, views, flight.clock().seconds());
             wall.insert("coverage_live".to_owned(), json!(live.share()));
@@ -145,7 +145,7 @@ impl Covering {
             if hidden > 0 {
                 let all = self.unsure.len();
                 say(&format!(
-                    "{hidden} of {all} unsure candidates are not on the wall that was flown past, or not visible"
+                    "{hidden} of {all} unsure candidates are left out: not on the wall that was flown past, or not visible"
                 ));
             }
         }
@@ -180,7 +180,7 @@ impl Covering {
     }
 }
 
-/// Sets out on the next tour, if one is due. Returns the time for it, s.
+/// Starts the next tour, if one is due. Returns its time limit, s.
 fn set_out(flight: &mut FlightApp, seen: &mut Seen) -> Result<Option<f64>> {
     seen.is_over = true;
     let Some(rounds) = &mut seen.rounds else { return Ok(None) };
@@ -199,7 +199,7 @@ fn set_out(flight: &mut FlightApp, seen: &mut Seen) -> Result<Option<f64>> {
     Ok(Some(TOUR_SECONDS))
 }
 
-/// Looks at what a tour has shown.
+/// Evaluates what a tour has shown.
 fn end_tour(flight: &mut FlightApp, seen: &mut Seen) -> Result<()> {
     let Some(rounds) = &mut seen.rounds else { return Ok(()) };
     let reason = flight.flight().reason;

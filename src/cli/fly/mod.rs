@@ -60,7 +60,7 @@ pub(crate) fn run(program: &Program, args: &FlyArgs, global: &Global, progress: 
     if args.record.is_none() && args.log.is_none() {
         args.record = Some(SHORT_FILM.to_owned());
         args.log = Some(PathBuf::from(SHORT_LOG));
-        // Nobody named these: they must not take the place of what is to be read.
+        // The user did not name these outputs: they must not overwrite an input.
         Files::fly(&args).check_apart()?;
         return fly_with(program, &args, global, progress, Extent::Short);
     }
@@ -118,7 +118,7 @@ fn check_files(args: &FlyArgs) -> Result<()> {
         let why = "a number on each face needs a .ply";
         return Err(Error::usage(mesh.display().to_string(), why, "end it in .ply"));
     }
-    // A folder of images is made where it is not there.
+    // A missing folder for images is created.
     let film = args.record.as_ref().filter(|r| !r.ends_with('/')).map(PathBuf::from);
     let outputs = [&args.log, &args.stats, &args.record_input, &args.coverage_mesh, &film]
         .into_iter()
@@ -308,7 +308,7 @@ fn fly_with(
         Ok(flight) => flight,
         Err(e) => {
             drop(bar);
-            // Not before it is known that there was a scan to fly: a command that is refused leaves nothing.
+            // Only now is it known that there was a scan to fly. A refused command must leave no folder.
             if extent == Extent::Short && e.kind == Kind::Incomplete {
                 output::make_folder(Path::new(SHORT_FOLDER)).unwrap_or_else(|e| say(&e.to_string()));
             }
@@ -335,7 +335,7 @@ fn fly_with(
     if args.record_input.is_some() {
         flight.commands.start();
     }
-    // One image each half second of the way, shown at twelve a second, is a short film of the whole.
+    // One image for every half second of the flight, shown at twelve a second, makes a short film of the whole flight.
     let outputs = Outputs {
         record: args.record.clone(),
         fps: if short { args.fps.unwrap_or(2.5) } else { args.fps.unwrap_or(30.0) },
@@ -415,8 +415,8 @@ fn stats(
     m.into()
 }
 
-/// Adds what plug-ins tell to the stats, under `plugins` and their names, if stats are written. Fails with status 1 and the name
-/// of the first that panics. What the others tell is added all the same.
+/// Adds the statistics of plug-ins to the stats, under `plugins` and their names, if stats are written. Fails with status 1 and the
+/// name of the first that panics. Those of the others are still added.
 fn ask_plugins(args: &FlyArgs, flight: &FlightApp, stats: &mut serde_json::Value) -> Result<()> {
     if args.stats.is_none() {
         return Ok(());
@@ -428,7 +428,7 @@ fn ask_plugins(args: &FlyArgs, flight: &FlightApp, stats: &mut serde_json::Value
     outcome
 }
 
-/// How a flight went.
+/// The outcome of a flight.
 fn flight_stats(flight: &FlightApp) -> serde_json::Map<String, serde_json::Value> {
     let f = flight.flight();
     let mut m = serde_json::Map::new();

@@ -88,13 +88,13 @@ struct Way {
 }
 
 impl Way {
-    /// The way that the arguments ask for, with their scene.
+    /// The flight that the arguments request, with their scene.
     fn asked(args: &FlyArgs, global: &Global, scene: Scene) -> Self {
         Self { scene, request: request(args), cleanse: global.cleanse, mm_s: None }
     }
 
-    /// The way through the whole colon: from the rectum along the centerline, through what was fluid and stool. Fails with status 2
-    /// for invalid arguments.
+    /// The flight through the whole colon: from the rectum along the centerline, cleansed. Fails with status 2 for invalid
+    /// arguments.
     fn whole(program: &Program, args: &FlyArgs, global: &Global) -> Result<Self> {
         let args = FlyArgs { guide: Some(WHOLE.to_owned()), from: Some(Point::Rectum), ..args.clone() };
         let scene = scene(program, &args, global, Screen::Window)?;
@@ -114,15 +114,15 @@ fn all_written(args: &FlyArgs, is_flown: bool) -> Result<()> {
     }
 }
 
-/// The arguments for another scan: what belongs to one flight alone stays with the first that is flown, its files and its length, and
-/// what belongs to one scan with that, its place and its answers.
+/// The arguments for another scan. Files and length belong to one flight and stay with the first one that is flown. Start, goal and
+/// answers belong to one scan and stay with it.
 fn for_another(args: FlyArgs, input: Option<PathBuf>, is_first: bool) -> FlyArgs {
     if is_first {
         let own = FlyArgs { from: None, to: None, reverse: false, answers: None, ..args };
         return FlyArgs { input, replay: None, play: None, rate: None, ..own };
     }
 
-    // Every option is named, so that a new one must be thought of.
+    // Every option is named, so that a new one cannot be forgotten here.
     let FlyArgs {
         input: _,
         headless,
@@ -168,7 +168,7 @@ fn for_another(args: FlyArgs, input: Option<PathBuf>, is_first: bool) -> FlyArgs
     }
 }
 
-/// What of the wall was seen is looked at when a flight ends, if something receives it: a file, or the message of a review.
+/// Coverage is evaluated when a flight ends, if something receives it: a file, or the message of a review.
 fn covering(args: &FlyArgs, global: &Global) -> Result<Option<Covering>> {
     let is_told = args.stats.is_some() || args.coverage_mesh.is_some() || args.review;
     Ok(Covering::asked(args, global)?.filter(|_| is_told))
@@ -186,7 +186,7 @@ fn opening(
 ) -> Result<window::Opening> {
     let resume = if is_whole { Resume::Nothing } else { resume(args) };
     let asked = Way::asked(args, global, scene);
-    // Where the command line leaves it to the reader, the settings and the last time decide.
+    // Where the command line says nothing, the settings and the previous session decide.
     let is_open = resume == Resume::Everything && args.seconds.is_none();
     let whole = if is_whole || is_open { Some(Way::whole(program, args, global)?) } else { None };
     let commands = args.replay.as_deref().map(read_commands).transpose()?;
@@ -248,14 +248,14 @@ fn opening(
     })
 }
 
-/// Takes the notes of a scan and prints them. They also stand in the window until they are dismissed.
+/// Takes the notes of a scan and prints them. The window also shows them until they are dismissed.
 fn told_notes(scan: &mut Scan) -> Vec<String> {
     let notes = scan.take_notes();
     notes.iter().for_each(|note| say(note));
     notes
 }
 
-/// An open scan, and all that a flight through it needs.
+/// An open scan, with everything that a flight through it needs.
 #[derive(Clone)]
 struct Departure {
     scan: Scan,
@@ -271,8 +271,8 @@ struct Departure {
 }
 
 impl Departure {
-    /// Prepares the flight that is asked for. If there is none, a reader may look at the scan's slices, and start elsewhere.
-    /// Returns the error of the flight if it repeats another, or if its length was given: those run unattended.
+    /// Prepares the requested flight. If that is impossible, a reader may still look at the scan's slices and start elsewhere.
+    /// Returns the error of the flight if it repeats another one, or if its length was given: those run unattended.
     fn depart(mut self, progress: &Arc<Progress>) -> Result<window::Ready> {
         let told = self.scan.told().to_vec();
         let mut made = self.fly();
@@ -325,7 +325,7 @@ impl Departure {
         made
     }
 
-    /// True if a reader sits before the window.
+    /// True if a user sits in front of the window.
     fn is_read(&self) -> bool {
         resume(&self.args) != Resume::Never && self.args.seconds.is_none()
     }
@@ -339,7 +339,7 @@ impl Departure {
             let mut anew = anew.clone();
             let prepare: window::Prepare = Box::new(move |progress: &Arc<Progress>| {
                 anew.scan.report_to(progress);
-                // Kinds may have been told meanwhile.
+                // The user may have set kinds meanwhile.
                 anew.scan.tell(anew.session.told());
                 anew.way.request = FlightRequest { from: Some(Place::World(place)), ..FlightRequest::default() };
                 anew.depart(progress)

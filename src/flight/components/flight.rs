@@ -95,7 +95,7 @@ pub struct TakenOver {
     pub entity: Entity,
 }
 
-/// A guide has answered a call for help itself. The flight goes on, and its progress is measured from here.
+/// A guide has answered a call for help itself. The flight continues, and its progress is measured from here.
 #[derive(EntityEvent, Clone, Copy, Debug)]
 pub struct HelpAnswered {
     /// The camera.

@@ -60,10 +60,10 @@ pub enum FlightCommand {
         /// Up direction.
         up: [f64; 3],
     },
-    /// Flies the shortest tour past these places from here, and looks at each. At its end the flight is as before. Replaces a review
-    /// that is under way; it is paused like any flight.
+    /// Flies the shortest tour past these places from here, and looks at each. At its end the flight is as before. Replaces the
+    /// current review; it is paused like any flight.
     Review(Vec<ReviewStop>),
-    /// Cuts a review short. The flight goes on as before it, from where the camera is.
+    /// Cuts a review short. The flight continues as before it, from where the camera is.
     EndReview,
     /// Sets the view angle over the shorter side of the picture, degrees, clamped to what the camera can show.
     ///

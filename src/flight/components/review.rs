@@ -31,7 +31,7 @@ pub struct TourStop {
     pub s_mm: f64,
     /// The place of the wall to look at, world mm; `None` to fly past.
     pub look_at: Option<DVec3>,
-    /// Time after the stop before it within which it must be done, s: a tour never hangs.
+    /// Maximum time since the previous stop, s, so that a tour never hangs.
     pub limit_s: f64,
 }
 
@@ -61,13 +61,13 @@ impl Review {
         Self { stops, pace: 1.0, ..Self::default() }
     }
 
-    /// Goes on from `s_mm` along the route, after the operator has moved the camera there.
+    /// Continues from `s_mm` along the route, after the operator has moved the camera there.
     pub fn go_on_from(&mut self, s_mm: f64) {
         self.next = self.stops.iter().position(|s| s.s_mm >= s_mm).unwrap_or(self.stops.len());
         (self.held_s, self.spent_s) = (None, 0.0);
     }
 
-    /// Goes on to the next stop. `done` is true if this one was seen.
+    /// Moves on to the next stop. `done` is true if this one was seen.
     pub fn leave(&mut self, done: bool) {
         self.next += 1;
         self.reached += usize::from(done);

@@ -69,7 +69,8 @@ pub struct SliceView {
     pub windowing: Windowing,
     /// Thickness and projection.
     pub slab: Slab,
-    /// The entity whose [`Scan`](super::scan::Scan) lies over that which is flown through: a box of its voxels with other values.
+    /// The entity whose [`Scan`](super::scan::Scan) is laid over the one that is flown through: a box of its voxels with other
+    /// values.
     pub patch: Option<Entity>,
     /// Colours over the bodies of gas.
     pub tint: Option<Arc<Tint>>,
@@ -100,7 +101,7 @@ pub struct SliceView {
     rows: Option<usize>,
 }
 
-/// A scan, and what lies over it.
+/// A scan, and the patch laid over it.
 #[derive(Clone, Copy)]
 struct Patched<'a> {
     volume: &'a Volume,

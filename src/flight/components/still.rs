@@ -1,4 +1,4 @@
-//! Views of the camera beside those of the trail: what was looked at while nothing moved, and in an earlier sitting.
+//! Views of the camera in addition to those of the trail: shown while nothing moved, or in an earlier session.
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
@@ -39,13 +39,13 @@ impl StillViews {
         &self.views
     }
 
-    /// Returns those of an earlier sitting, which come first.
+    /// Returns those of an earlier session, which come first.
     pub fn earlier(&self) -> &[StillView] {
         &self.views[..self.earlier]
     }
 }
 
-/// The views of an earlier sitting.
+/// The views of an earlier session.
 impl FromIterator<StillView> for StillViews {
     fn from_iter<T: IntoIterator<Item = StillView>>(views: T) -> Self {
         let mut all = Self::default();

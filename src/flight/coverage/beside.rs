@@ -1,7 +1,7 @@
 //! The wall of a scan that is shown in place of the one that is flown through.
 //!
-//! A flight keeps the walls that it set out with, while its pictures may show the cleansed scan. What is seen then is the wall of
-//! what is shown: also that which lay under fluid, and not the level of the fluid.
+//! A flight keeps the walls that it started with, while its pictures may show the cleansed scan. Coverage then counts the wall of
+//! the scan on display: it includes the wall that lay under fluid, and not the surface of the fluid.
 
 use std::sync::Arc;
 
@@ -30,7 +30,7 @@ impl LiveCoverage {
         Ok(coverage)
     }
 
-    /// True if it is of another scan than the one that is flown through.
+    /// True if it belongs to another scan than the one that is flown through.
     pub fn is_beside(&self) -> bool {
         self.beside.is_some()
     }

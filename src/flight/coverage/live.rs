@@ -1,12 +1,12 @@
-//! What is seen of the wall while a flight goes on, patch by patch.
+//! Live coverage: what a flight has seen of the wall so far, patch by patch.
 //!
-//! The same question as [`Wall::seen`](super::Wall::seen), asked as the views come and of one triangle of each patch (its middle),
-//! which stands for the others: the error is that of a sample of the wall every 2 mm. Of a block of 8 mm three patches are asked first.
-//! If all are hidden, as those of another loop of the colon are, the block is asked again, by other patches, when the camera has moved
-//! by a share of its distance; so is a hidden patch of a block in view. Near blocks are asked whole. A view takes several steps of the
-//! flight, each with a bounded amount of work, and views wait for their turn; if more than a few do, the oldest are skipped. A patch is
-//! in view of dozens of
-//! views, so all of this costs little: `report coverage` has it beside the whole.
+//! The same test as [`Wall::seen`](super::Wall::seen), done as the views come and for one triangle of each patch (its middle),
+//! which stands for the others: the error is that of a sample of the wall every 2 mm. Of a block of 8 mm, three patches are tested
+//! first. If all are hidden, as those of another loop of the colon are, the block is tested again with other patches once the
+//! camera has moved by a share of its distance; so is a hidden patch of a block in view. Near blocks are tested whole. A view takes
+//! several steps of the flight, each with a bounded amount of work, and views are queued; if more than a few wait, the oldest are
+//! skipped. A patch is in view of dozens of views, so all of this costs little: `report coverage` compares it with the measurement
+//! afterwards.
 
 use std::sync::Arc;
 
@@ -25,25 +25,25 @@ use crate::render::camera::Perspective;
 use crate::space::PreparedVolume;
 use crate::volume::Volume;
 
-/// A hidden patch or block is asked again when the camera has moved by this share of its distance.
+/// A hidden patch or block is tested again when the camera has moved by this share of its distance.
 const AGAIN: f32 = 0.03;
-/// Patches of a block that are asked before it is taken as hidden.
+/// Number of patches of a block that are tested before it counts as hidden.
 const PROBES: usize = 3;
 /// A ray costs as much as this many tests of whether a patch is in the picture.
 const RAY: u32 = 100;
-/// A nearer block is never taken as hidden by its probes: from nearby, a patch is in view of a few views only, mm.
+/// Distance within which a block never counts as hidden by its probes, mm: from nearby, a patch is in view of a few views only.
 const CLOSE_MM: f32 = 25.0;
-/// Views that wait for their turn, at most: some mm of a flight.
+/// Maximum number of queued views: some mm of a flight.
 const WAITING: usize = 12;
 
 /// A place along the colon counts as passed, and what was not seen of its wall as missed, when the camera has come this near along the
 /// colon and has flown on so far, mm.
 const NEAR_MM: f64 = 40.0;
 const PASSED_MM: f32 = 60.0;
-/// How long what was missed stays painted when it was seen after all, s.
+/// Time for which missed wall stays painted after it was seen after all, s.
 const FADES_S: f32 = 3.0;
 
-/// A wall, and which of it was seen until now.
+/// A wall, and the part of it that was seen so far.
 #[derive(Component, Clone, Debug)]
 pub struct LiveCoverage {
     wall: Arc<Wall>,
@@ -62,7 +62,7 @@ pub struct LiveCoverage {
     segments: Vec<u16>,
     /// When each patch was first seen, s: infinite until then, and minus infinity if it was not missed before.
     seen_s: Vec<f32>,
-    /// The odometer's reading from which each patch is asked again, mm.
+    /// The value of [`odometer_mm`](Self::odometer_mm) from which each patch is tested again.
     due_mm: Vec<f32>,
     /// The same for each block.
     block_due_mm: Vec<f32>,
@@ -76,7 +76,7 @@ pub struct LiveCoverage {
     near_mm: Vec<f32>,
     /// True once the flight is over: what was not seen until then is missed.
     is_over: bool,
-    /// The number of patches of each block that were not seen.
+    /// The number of unseen patches of each block.
     left: Vec<u32>,
     /// What belongs to each segment.
     shares: Vec<Share>,
@@ -84,15 +84,15 @@ pub struct LiveCoverage {
     taken: usize,
     /// Length of the line through all views, mm.
     odometer_mm: f32,
-    /// The same of the trail, and of the views that were taken before it.
+    /// The same for the trail and the views before it.
     flown_mm: f32,
-    /// Number of views beside the trail that were taken.
+    /// Number of views taken in addition to the trail.
     pub(super) looked: usize,
     /// Where the last view was, world mm.
     pub(super) last: Option<DVec3>,
     /// Time that the flight's clock has not counted, s.
     pub(super) rested_s: f32,
-    /// The view that is under way.
+    /// The view that is being processed.
     now: Option<Looking>,
 }
 
@@ -104,13 +104,13 @@ struct Share {
     visited: bool,
 }
 
-/// A view that is under way.
+/// A view that is being processed.
 #[derive(Clone, Debug)]
 struct Looking {
     eye: Eye,
     seconds: f32,
     block: usize,
-    /// How far the block that is under way was asked: first by the probes, then patch by patch.
+    /// How many tests of the current block are done: first the probes, then patch by patch.
     asked: usize,
     /// Whether any of its patches was in the picture, and whether one was seen.
     tried: bool,
@@ -119,7 +119,7 @@ struct Looking {
 }
 
 impl LiveCoverage {
-    /// Begins with nothing seen of the wall of some gas in `volume`, in square pictures of 90°.
+    /// Begins with nothing seen of the wall of some gas in `volume`, in square pictures with a view angle of 90°.
     ///
     /// # Errors
     /// Returns status 4 if interrupted or if the wall has more vertices than 32 bits can count.
@@ -194,8 +194,8 @@ impl LiveCoverage {
         }
     }
 
-    /// Goes on with the views of a flight (world position, mm, and attitude) at a time of it, s. `work` bounds what is done, in
-    /// tests of whether a patch is in the picture.
+    /// Continues with the views of a flight (world position, mm, and attitude) at a time of the flight, s. `work` is the maximum
+    /// number of tests of whether a patch is in the picture.
     ///
     /// The next view is taken whenever one is done, unless too many wait.
     pub fn watch(&mut self, volume: &PreparedVolume, views: &[(DVec3, Attitude)], seconds: f64, work: u32) {
@@ -237,13 +237,13 @@ impl LiveCoverage {
         self.begin(&views[end - 1], seconds);
     }
 
-    /// Counts a way of the camera, mm.
+    /// Counts a distance moved by the camera, mm.
     pub(super) fn moved(&mut self, mm: f64) {
         let mm = mm as f32;
         self.odometer_mm += if mm.is_finite() { mm } else { 0.0 };
     }
 
-    /// Counts a way of the flight, mm.
+    /// Counts a distance flown, mm.
     pub(super) fn flew(&mut self, mm: f64) {
         let mm = mm as f32;
         self.flown_mm += if mm.is_finite() { mm } else { 0.0 };
@@ -304,7 +304,7 @@ impl LiveCoverage {
         }
     }
 
-    /// Ends the view that is under way.
+    /// Finishes the current view.
     pub(super) fn finish(&mut self, volume: &PreparedVolume) {
         let mut unbounded = u32::MAX;
         while !self.go_on(volume, &mut unbounded) {
@@ -312,7 +312,7 @@ impl LiveCoverage {
         }
     }
 
-    /// Goes on with the view that is under way. Returns true if it is done, and false if the work is over before.
+    /// Continues with the current view. Returns true if it is done, and false if the work ran out first.
     fn go_on(&mut self, volume: &PreparedVolume, work: &mut u32) -> bool {
         let Some(mut now) = self.now.take() else { return true };
         let wall = Arc::clone(&self.wall);
@@ -426,7 +426,7 @@ impl LiveCoverage {
         &self.camera
     }
 
-    /// Tells whether the flight is over: then nothing of the wall is still to come.
+    /// Sets whether the flight is over: then none of the wall lies ahead.
     pub fn set_over(&mut self, is_over: bool) {
         self.is_over = is_over;
     }
@@ -464,7 +464,7 @@ impl LiveCoverage {
         self.seen_s[patch] == f32::INFINITY && self.shares[usize::from(self.segments[patch])].visited
     }
 
-    /// True if the flight has gone on so far since it came near a block that what it has not seen of it is missed.
+    /// True if the flight has flown so far since it came near a block that the unseen part of the block counts as missed.
     fn is_passed(&self, block: usize) -> bool {
         self.is_over || self.flown_mm - self.near_mm[self.stretches[block] as usize] > PASSED_MM
     }

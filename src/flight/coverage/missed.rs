@@ -21,7 +21,7 @@ const AWAY_MM: [f64; 6] = [6.0, 9.0, 13.0, 18.0, 24.0, 32.0];
 const WAYS: usize = 48;
 /// Minimum distance of such a place from the wall beyond the camera's radius, mm.
 const FREE_MM: f64 = 0.5;
-/// Wall nearer to a place than this is looked at to see the place, mm.
+/// Maximum distance from a place to the wall that a look at the place is directed at, mm.
 const ABOUT_MM: f64 = 5.0;
 /// Distance from the wall into the gas at which a patch is looked up along the colon, mm.
 const INTO_GAS_MM: f64 = 2.0;
@@ -30,7 +30,7 @@ const SHOWN: f64 = 0.7;
 /// Triangles of a patch that are tried from each place, at most.
 const TRIED: usize = 32;
 
-/// The scans in which places to look from are sought.
+/// The scans that are searched for places to look from.
 #[derive(Clone, Copy, Debug)]
 pub struct Scans<'a> {
     /// The one whose wall is looked at.

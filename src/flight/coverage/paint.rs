@@ -19,7 +19,7 @@ use crate::space::{PreparedVolume, first_crossing};
 const STEP: usize = 6;
 /// The colour of what was not seen.
 const INK: [f32; 3] = [255.0, 80.0, 215.0];
-/// How much of the colour is laid over the wall, at most.
+/// Maximum opacity of the colour over the wall.
 const OVER: f32 = 0.62;
 /// Cells along the side of a block.
 const SIDE: i32 = 4;
@@ -73,7 +73,7 @@ impl CoveragePaint {
         paint
     }
 
-    /// True if it is of the wall of this coverage.
+    /// True if it belongs to the wall of this coverage.
     pub fn is_of(&self, coverage: &LiveCoverage) -> bool {
         Arc::ptr_eq(&self.wall, coverage.shared_wall())
     }
@@ -97,8 +97,8 @@ impl CoveragePaint {
         (block, first..(first..all.end).find(|p| !here(p)).unwrap_or(all.end))
     }
 
-    /// Returns how much of the wall at a place (mm from the wall's origin) that faces against `forward` is painted, 0 to 1: the mean of
-    /// the patches around, by their nearness.
+    /// Returns how much of the wall at a place (mm from the wall's origin) that faces against `forward` is painted, 0 to 1: the
+    /// mean of the surrounding patches, weighted by their nearness.
     fn amount(&self, coverage: &LiveCoverage, place: Vec3, forward: Vec3, seconds: f32) -> f32 {
         let wall = coverage.wall();
         let at = place / CELL_MM - 0.5;
@@ -119,7 +119,7 @@ impl CoveragePaint {
         if weights > 1e-6 { sum / weights } else { 0.0 }
     }
 
-    /// Lays the colour over a picture, whose pixels are those of `view`, at a time of the flight, s.
+    /// Blends the colour over a picture, whose pixels are those of `view`, at a time of the flight, s.
     pub fn paint(
         &mut self,
         coverage: &LiveCoverage,

@@ -24,7 +24,7 @@ pub const FLATTEST_DEGREES: f64 = 85.0;
 const BEFORE: f64 = 0.5;
 /// A line that is blocked is remembered this many voxels behind where it meets the wall.
 const INTO_WALL: f64 = 0.7;
-/// A patch that is hidden from so many of the nearest views is asked from every n-th of the others.
+/// A patch that is hidden from this many of the nearest views is tested from every n-th of the others only.
 const NEAREST: usize = 12;
 const SOME: usize = 3;
 /// Triangles of a patch that are tried from a view before it is taken as hidden from there.
@@ -52,9 +52,10 @@ impl Wall {
     /// Returns what is seen of each triangle from `views` (world position, mm, and attitude) in the square image of `camera`, all of
     /// whose rays start at its position.
     ///
-    /// With `count`, all views that see a triangle are counted. Without, one is enough, and what is most likely hidden is not asked: the
-    /// other triangles of a patch of which three are hidden from a view (different ones each time), and two of three views once a patch
-    /// was hidden from the twelve nearest. In a colon that is 0.3 % of the area less, in a thirtieth of the time.
+    /// With `count`, all views that see a triangle are counted. Without, one is enough, and triangles that are most likely hidden
+    /// are not tested: the other triangles of a patch of which three are hidden from a view (different ones each time), and two of
+    /// three views once a patch was hidden from the twelve nearest. In a colon this misses 0.3 % of the area and takes a thirtieth
+    /// of the time.
     pub fn seen<C: Camera + ?Sized>(
         &self,
         volume: &PreparedVolume,
@@ -255,7 +256,7 @@ pub(super) struct Eye {
 }
 
 impl Eye {
-    /// `None` for a view that is nowhere.
+    /// `None` for a view with a position that is not finite.
     pub(super) fn new((world, attitude): &(DVec3, Attitude), origin: DVec3) -> Option<Self> {
         let [right, up, forward] = [attitude.right(), attitude.up, attitude.forward].map(|v| v.as_vec3());
         world.is_finite().then(|| Self { world: *world, at: (*world - origin).as_vec3(), right, up, forward })

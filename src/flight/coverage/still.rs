@@ -1,4 +1,4 @@
-//! Views beside those of a flight's trail: what is looked at while nothing moves.
+//! Views in addition to those of a flight's trail: what is looked at while nothing moves.
 
 use glam::DVec3;
 
@@ -7,15 +7,15 @@ use crate::components::still::{StillView, StillViews};
 use crate::dynamics::Attitude;
 use crate::space::PreparedVolume;
 
-/// A frame has time for so many views; more are taken in the background.
+/// Maximum number of views that are taken within a frame; more are taken in the background.
 pub const VIEWS_AT_ONCE: usize = 8;
 
 impl LiveCoverage {
-    /// Takes all views that have not been taken, at a time of the flight, s: those of an earlier sitting, the trail, and those of this
-    /// sitting beside the trail.
+    /// Takes all views that have not been taken, at a time of the flight, s: those of an earlier session, the trail, and those of
+    /// this session beside the trail.
     ///
-    /// An earlier sitting comes before the flight: its ways would otherwise count as flown from where the camera is now, and what is
-    /// around the camera as passed. If the flight has begun without it, what was seen is found again.
+    /// An earlier session must be taken before the flight: otherwise its movements would count as flown from the camera's current
+    /// position, and the wall around the camera as passed. If the flight has begun without it, the coverage is computed again.
     pub fn see(&mut self, volume: &PreparedVolume, trail: &[(DVec3, Attitude)], still: &StillViews, seconds: f64) {
         if self.has_flown() && self.looked < still.earlier().len() {
             *self = self.afresh();
@@ -61,7 +61,7 @@ impl LiveCoverage {
         self.looked
     }
 
-    /// Lets time go by that the flight's clock does not count, s: what is painted fades although nothing moves.
+    /// Adds time that the flight's clock does not count, s, so that painted wall fades while nothing moves.
     pub fn rest(&mut self, seconds: f32) {
         self.rested_s += seconds.max(0.0);
     }

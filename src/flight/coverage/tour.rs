@@ -12,7 +12,8 @@ use crate::math::hash;
 pub const EXACT: usize = 11;
 /// Longest run of stops that Or-opt moves.
 const RUN: usize = 3;
-/// Perturbations, at most, and the work that bounds them for many stops: perturbations times the square of the number of stops.
+/// Maximum number of perturbations, and the work that bounds them for many stops: perturbations times the square of the number of
+/// stops.
 const KICKS: usize = 50;
 const WORK: usize = 2_000_000;
 /// Smaller improvements do not count, mm: rounding must not cause endless exchanges.
@@ -23,7 +24,7 @@ const LEAST_MM: f64 = 1e-7;
 pub struct Order {
     /// The stops in the order of the tour, counted from 0.
     pub stops: Vec<usize>,
-    /// Stops that no way leads to, ascending.
+    /// Stops that cannot be reached, ascending.
     pub left_out: Vec<usize>,
     /// Length of the tour, mm.
     pub length_mm: f64,
@@ -37,7 +38,7 @@ pub struct Distances {
 }
 
 impl Distances {
-    /// Tabulates the distance between each two of `places` places, the start among them. Infinite if there is no way.
+    /// Tabulates the distance between each two of `places` places, the start among them. Infinite if there is no path.
     pub fn new(places: usize, mm: impl Fn(usize, usize) -> f64) -> Self {
         let mut all = vec![0.0; places * places];
         for a in 0..places {

@@ -31,9 +31,9 @@ pub enum Slot {
     Slices,
     /// The system that passes pictures to their presenters.
     Presentation,
-    /// The system that watches what of the wall is seen.
+    /// The system that measures coverage.
     Coverage,
-    /// The system that paints what was not.
+    /// The system that paints the wall that was not seen.
     CoveragePaint,
     /// The system that restores the size of pictures after post-processes.
     PictureSize,
@@ -615,7 +615,7 @@ impl App {
     }
 }
 
-/// The error of `who` has taken something that a flight cannot do without.
+/// The error for `who`, which has taken something that a flight cannot do without.
 fn taken(who: String, what: String) -> Error {
     Error::fault(who, what, "let it leave the scan and the camera as they are, or fly without it")
 }

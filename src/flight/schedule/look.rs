@@ -3,7 +3,7 @@
 use super::App;
 use crate::error::Result;
 
-/// A way to choose where the camera looks while a guide flies it, built in or external. Where the body goes is the guide's.
+/// A way to choose where the camera looks while a guide flies it, built in or external. The guide decides where the body goes.
 ///
 /// [`Look::plug`] adds a system to the set [`Look`](super::FlightSystems::Look), which runs after the guide. It reads what the guide
 /// has told about the way (such as [`Planned`](crate::components::guide::Planned)) and writes

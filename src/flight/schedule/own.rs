@@ -1,4 +1,4 @@
-//! What is of this crate, by its path.
+//! Whether a path belongs to this crate.
 
 /// True for a path of this crate or of another member of its workspace, which a crate that merely begins with its name is not.
 pub(super) fn is_own(path: &str) -> bool {

@@ -274,7 +274,7 @@ impl Actions {
             }
             match self.0[..n].iter().find(|a| a.id == action.id).map(Action::owner) {
                 Some(owner) if owner == action.owner() => {
-                    return Err(Error::usage(owner, "is there twice", "give one another name"));
+                    return Err(Error::usage(owner, "exists twice", "give one of them another name"));
                 }
                 Some(owner) => {
                     let what = format!("action {:?}", action.id);

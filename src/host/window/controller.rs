@@ -473,7 +473,7 @@ impl FlightController {
     /// Returns what is unfinished, in words: a measurement, a search, a list that is answered in part.
     pub(crate) fn unfinished(&self) -> Option<String> {
         if self.measures.begun().is_some() {
-            return Some("A distance has one end only.".to_owned());
+            return Some("A distance has only one end.".to_owned());
         }
         if self.has_unkept() {
             let why = self.unkept.iter().map(|why| format!("{why} "));
@@ -609,7 +609,7 @@ impl FlightController {
 
     /// Shows or hides the figures that only a developer needs.
     fn switch_figures(&mut self, now: Instant) {
-        let what = if self.figures.switch_all() { "all figures" } else { "speed and guide alone" };
+        let what = if self.figures.switch_all() { "all figures" } else { "speed and guide only" };
         self.say(what, now);
     }
 

@@ -50,7 +50,7 @@ pub(crate) fn read(path: &Path, hint: &str) -> Result<Option<Vec<u8>>> {
     match std::fs::metadata(path) {
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
         Err(e) => return Err(bad(format!("cannot be read ({e})"))),
-        Ok(m) if !m.is_file() => return Err(bad("is no file".to_owned())),
+        Ok(m) if !m.is_file() => return Err(bad("is not a file".to_owned())),
         Ok(m) if m.len() > MOST_BYTES => return Err(bad(format!("is larger than {MOST_BYTES} bytes"))),
         Ok(_) => {}
     }

@@ -27,7 +27,7 @@ pub(crate) const ELSEWHERE: &str =
 /// What is said when this window keeps the scan from now on.
 const TAKEN_OVER: &str = "the other window is closed: what you make here is kept";
 /// What is said when it cannot.
-const CHANGED: &str = "The other window has changed what is kept of this case, so what you make here is not kept. Open the scan again to go on with it.";
+const CHANGED: &str = "The other window has changed what is kept of this case, so what you make here is not saved. Open the scan again to continue.";
 
 /// Why what was made is not kept, for the question whether to close the window.
 const IS_ELSEWHERE: &str = "The case is open in another window.";
@@ -110,7 +110,7 @@ impl Keeping {
                 Ok(views) if views.is_empty() => {}
                 Ok(views) => _ = flight.app_mut().camera().insert(StillViews::from_iter(views)),
                 Err(e) => {
-                    output::to_stderr(format_args!("note: what was seen before is not known: {e}"));
+                    output::to_stderr(format_args!("note: earlier coverage is unknown: {e}"));
                     self.files.looked = None;
                 }
             }
@@ -209,7 +209,7 @@ impl Keeping {
             && let Err(e) = looked::read(path, flight.setup().volume.voxels())
                 .and_then(|before| looked::keep(path, &[before, looked::of(flight)].concat()))
         {
-            output::to_stderr(format_args!("note: what was seen was not saved: {e}"));
+            output::to_stderr(format_args!("note: coverage was not saved: {e}"));
         }
     }
 }

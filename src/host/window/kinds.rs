@@ -181,7 +181,7 @@ impl Kinds {
     pub(crate) fn may_tell(&self) -> std::result::Result<(), &'static str> {
         match (self.is_shown, self.chosen_body()) {
             (true, Some(_)) => Ok(()),
-            (true, None) => Err("no body of gas is chosen (click on one)"),
+            (true, None) => Err("no body of gas is selected (click on one)"),
             (false, _) => Err("the kinds of gas are not shown"),
         }
     }

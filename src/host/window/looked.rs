@@ -21,7 +21,7 @@ use crate::volume::Volume;
 /// The current version of the file format.
 const VERSION: u32 = 1;
 /// Consequence of an invalid file, for messages.
-const HINT: &str = "it is left as it is, and what was seen counts from now on";
+const HINT: &str = "the file is left unchanged; coverage starts from zero";
 /// Maximum number of views.
 const MOST: usize = 12_000;
 /// Of views nearer to each other than this, mm, whose directions differ by less than this share of their length, one is kept.
@@ -59,7 +59,7 @@ pub(crate) fn read(path: &Path, scan: &Volume) -> Result<Vec<StillView>> {
     let Some(kept) = folders::read_kept::<Kept>(path, HINT)? else { return Ok(Vec::new()) };
     let bad = |why: &str| Error::file(path, why, HINT);
     let views: Option<Vec<StillView>> = kept.views.iter().take(MOST).map(|text| view(text)).collect();
-    let mut views = views.ok_or_else(|| bad("has a view that is none"))?;
+    let mut views = views.ok_or_else(|| bad("has an invalid view"))?;
     if !views.iter().all(|v| is_inside(v, scan)) {
         return Err(bad("has views outside of this scan"));
     }
@@ -241,6 +241,6 @@ mod tests {
         let far = StillView { position: DVec3::splat(500.0), ..views(1)[0] };
         keep(&path, &[views(1)[0], far]).unwrap();
         let e = read(&path, &scan()).unwrap_err().to_string();
-        assert!(e.contains("views outside of this scan") && e.contains("counts from now on"), "{e}");
+        assert!(e.contains("views outside of this scan") && e.contains("coverage starts from zero"), "{e}");
     }
 }

@@ -95,7 +95,7 @@ impl OwnActions {
         let (entry, state) = self.0.get(n)?;
         let name = format!("action {}", entry.id);
         if state.is_under_way.replace(true) {
-            note(name, "asks for itself, and runs only once");
+            note(name, "requests itself: it runs only once");
             return None;
         }
         let mut requests = Requests::default();
@@ -216,7 +216,7 @@ mod tests {
         // What it asks for may ask for it again.
         assert!(begin(&mut c).is_none());
         let told = c.flight_mut().take_notes().join("\n");
-        assert!(told.contains("action mark asks for itself"), "{told}");
+        assert!(told.contains("action mark requests itself"), "{told}");
         c.own.end(0);
         assert!(begin(&mut c).is_some());
     }
@@ -265,9 +265,9 @@ mod tests {
             (FlightCommand::Guide("warp".to_owned()).into(), "warp"),
             (FlightCommand::Segment(77).into(), "segment"),
             (FlightCommand::Go { to: [1e6; 3], forward: [1.0, 0.0, 0.0], up: [0.0, 0.0, 1.0] }.into(), "fit"),
-            (FlightCommand::Seek(f64::NAN).into(), "seek: a number of it is not finite"),
-            (HandCommand::Push([0.0, f64::INFINITY, 0.0]).into(), "push: a number of it is not finite"),
-            (FlightCommand::ViewAngle(f64::NAN).into(), "view_angle: a number"),
+            (FlightCommand::Seek(f64::NAN).into(), "seek: one of its numbers is not finite"),
+            (HandCommand::Push([0.0, f64::INFINITY, 0.0]).into(), "push: one of its numbers is not finite"),
+            (FlightCommand::ViewAngle(f64::NAN).into(), "view_angle: one of its numbers"),
         ] {
             c.command(command, now);
             let told = c.hud(now).message.unwrap_or_default();

@@ -18,7 +18,7 @@ const LEAST: LogicalSize<f64> = LogicalSize::new(320.0, 240.0);
 /// Sizes in the file outside these limits are not those of a window, pixels.
 const SIZES: std::ops::RangeInclusive<u32> = 64..=16384;
 /// Consequence of an invalid file, for messages.
-const HINT: &str = "it is left as it is; the window is as large as the screen";
+const HINT: &str = "the file is left unchanged; the window fills the screen";
 
 /// The size of a window, as stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -117,7 +117,7 @@ mod tests {
         assert!(Placement::open(Some(file.clone())).0.kept.is_none());
         std::fs::write(&file, "{").unwrap();
         let (damaged, e) = Placement::open(Some(file.clone()));
-        assert!(e.unwrap().to_string().contains("left as it is") && !damaged.is_first() && damaged.file.is_none());
+        assert!(e.unwrap().to_string().contains("left unchanged") && !damaged.is_first() && damaged.file.is_none());
         assert_eq!(std::fs::read_to_string(&file).unwrap(), "{");
     }
 }

@@ -167,7 +167,7 @@ fn title(flight: &Flight, paused: bool) -> String {
             flight.call().map_or_else(String::new, |c| format!("{} at {}", c.trap.text(), pair(c.place)))
         }
         (State::Flying, true) => "paused".to_owned(),
-        (State::Flying, false) if flight.rescue().is_escaping() => "looking for another way".to_owned(),
+        (State::Flying, false) if flight.rescue().is_escaping() => "looking for another direction".to_owned(),
         (State::Flying, false) => "flying".to_owned(),
     };
     format!("colvis plane: {state} (Space R T M V S, click to start there, Q)")

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 /// The current version of the file format.
 const VERSION: u32 = 1;
 /// Consequence of an invalid file, for messages.
-const HINT: &str = "it is left as it is, and nothing is kept";
+const HINT: &str = "the file is left unchanged, and recent scans are not saved";
 /// Maximum number of scans in the list.
 const MOST: usize = 12;
 

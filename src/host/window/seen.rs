@@ -281,7 +281,7 @@ impl Seen {
     /// Returns what is being done, or why it failed; `None` if nothing is.
     pub(crate) fn state(&self) -> Option<std::result::Result<&'static str, &str>> {
         let text = match self.doing {
-            Doing::Beginning => "looking at the wall",
+            Doing::Beginning => "computing coverage",
             Doing::Listing => "listing what was missed",
             Doing::Preparing => "preparing the path",
         };

@@ -22,7 +22,7 @@ use crate::error::{Error, Result};
 /// The current version of the file format.
 const VERSION: u32 = 1;
 /// Hint for an invalid file.
-const HINT: &str = "fix it or move it away; the defaults are taken until then";
+const HINT: &str = "fix it or move it away; until then the defaults apply";
 
 /// The user's settings.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]

@@ -31,7 +31,7 @@ pub enum Answer {
     Yes,
     /// It is not a polyp.
     No,
-    /// The scan does not tell.
+    /// The scan does not show it.
     Unsure,
 }
 

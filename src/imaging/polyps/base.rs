@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use super::Wall;
 use super::fit::solve;
 
-/// Farthest way along the wall from the cap that is looked at, mm.
+/// Maximum distance along the wall from the cap that is examined, mm.
 const FAR_MM: f32 = 15.0;
 /// Width of the rings around a cap, mm.
 const RING_MM: f32 = 1.0;
@@ -16,7 +16,7 @@ const RING_MM: f32 = 1.0;
 const FIRST: f32 = 0.7;
 /// Width of the wall from which the wall beneath is continued, mm.
 const AROUND_MM: f32 = 3.0;
-/// It begins this far from the body, mm.
+/// Distance between the body and that strip of wall, mm.
 const APART_MM: f32 = 1.0;
 /// A body ends at most this far beyond its narrowest ring, mm: the fillet.
 const FILLET_MM: f32 = 1.5;
@@ -26,7 +26,7 @@ const USUAL: f64 = 0.0125;
 const FLAT: f64 = 30.0;
 /// A ring that is this much longer than the narrowest one is beyond the body.
 const WIDER: f32 = 1.4;
-/// A ring that is longer than the one before by no more than this is as long.
+/// Ratio up to which a ring counts as no longer than the one before.
 const ALIKE: f32 = 1.15;
 /// A narrowest ring farther than this from the cap is a stalk, mm.
 const STALK_MM: f32 = 1.5;
@@ -40,7 +40,7 @@ fn is_edge(wall: &Wall, v: u32) -> bool {
 /// Memory for one cap after the other.
 #[derive(Debug)]
 pub(crate) struct Scratch {
-    /// Way along the wall from the cap, mm; infinite where it was not looked at.
+    /// Distance along the wall from the cap, mm; infinite where it was not computed.
     mm: Vec<f32>,
     touched: Vec<u32>,
 }

@@ -10,13 +10,13 @@ use crate::volume::Volume;
 
 /// A place farther than this from the wall is in mid-air or in tissue, mm.
 const SNAP_MM: f64 = 5.0;
-/// A lesion is sought this far along the wall, mm, and its surroundings this far.
+/// Distance along the wall within which a lesion is searched for, mm, and within which its surroundings are.
 const SEEK_MM: f32 = 6.0;
 const PART_MM: f32 = 32.0;
 /// What counts as a cap here: flatter and smaller than a detector's.
 const LEAST_K2: f32 = 0.01;
 const LEAST_MM2: f32 = 2.0;
-/// Each mm between a place and a lesion is as much as this in the score, in logits.
+/// Cost of each mm between a place and a lesion, in logits of the score.
 const PER_MM: f64 = 0.6;
 /// Below this confidence the measures come with reasons.
 const SURE: f64 = 0.7;

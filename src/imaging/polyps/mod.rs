@@ -31,12 +31,12 @@ pub use measure::{Form, Measurement, measure};
 pub use score::{TERMS, Term, score, terms};
 pub use wall::{SMOOTH_MM, Wall};
 
-/// A candidate's place must be about this near to the wall, mm: more than the radius of a large polyp.
+/// Maximum distance of a candidate's place from the wall, mm, approximately: more than the radius of a large polyp.
 const WALL_MM: f64 = 10.0;
 /// Candidates nearer to a better one than this are the same place, mm.
 const SAME_MM: f64 = 5.0;
 
-/// What a detector looks at. The scan has no tag any more if it had some.
+/// The input of a detector. A scan with tag has been cleansed.
 #[derive(Debug)]
 pub struct Colon<'a> {
     /// The scan, HU.
@@ -88,7 +88,7 @@ impl Detector {
     }
 }
 
-/// Runs a detector. Returns its candidates with the best first, one for each place.
+/// Runs a detector. Returns its candidates, best first, one for each place.
 ///
 /// # Errors
 /// Returns the detector's error, or status 1 if it panics, or if a place is not finite, outside the scan or far from the wall.

@@ -57,7 +57,7 @@ impl Accelerations {
         }
     }
 
-    /// Returns the memory beside the flags, by purpose.
+    /// Returns the memory in addition to the flags, by purpose.
     pub fn parts(&self) -> impl Iterator<Item = (MemoryPart, usize)> {
         self.leaper.part().into_iter().chain(self.fits.part())
     }

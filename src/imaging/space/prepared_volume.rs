@@ -74,7 +74,7 @@ impl PreparedVolume {
         self.surround.get().and_then(Option::as_ref)
     }
 
-    /// Returns the memory beside the voxels, bytes.
+    /// Returns the memory in addition to the voxels, bytes.
     pub fn bytes(&self) -> usize {
         let surround = self.surround.get().and_then(Option::as_ref);
         self.flags.bytes() + surround.map_or(0, Surround::bytes)

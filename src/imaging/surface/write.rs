@@ -40,7 +40,7 @@ impl MeshFormat {
             "ply" => Ok(Self::Ply),
             "obj" => Ok(Self::Obj),
             _ => {
-                let why = "its ending is not that of a mesh format";
+                let why = "its extension is not that of a mesh format";
                 Err(Error::usage(path.display().to_string(), why, "end it in .stl, .ply or .obj"))
             }
         }

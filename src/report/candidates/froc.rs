@@ -3,7 +3,7 @@
 use crate::phantom::{TrueDecoy, TruePolyp};
 use crate::polyps::Candidate;
 
-/// A candidate belongs to a polyp or decoy if it is no farther than this from its surface, mm.
+/// Maximum distance of a candidate from the surface of the polyp or decoy that it belongs to, mm.
 const NEAR_MM: f64 = 3.0;
 /// The quantile of the normal distribution for an interval of 95 %.
 const Z: f64 = 1.96;
@@ -24,12 +24,12 @@ pub(super) enum Is {
 pub(super) struct Trial {
     pub polyps: Vec<TruePolyp>,
     pub decoys: Vec<TrueDecoy>,
-    /// The candidates, the best first, and what they are.
+    /// The candidates with their classes, best first.
     pub found: Vec<(Candidate, Is)>,
 }
 
 impl Trial {
-    /// Tells what the candidates of a scan are.
+    /// Classifies the candidates of a scan.
     pub(super) fn new(polyps: Vec<TruePolyp>, decoys: Vec<TrueDecoy>, found: Vec<Candidate>) -> Self {
         let is = |c: &Candidate| {
             let gap = |at: glam::DVec3, diameter: f64| at.distance(c.position) - 0.5 * diameter;
@@ -59,21 +59,21 @@ impl Trial {
     }
 }
 
-/// Returns the least score at which all scans together have at most `per_scan` false positives a scan.
+/// Returns the lowest score at which the scans together have at most `per_scan` false positives per scan.
 pub(super) fn threshold(trials: &[Trial], per_scan: f64) -> f64 {
     let mut scores: Vec<f64> = trials.iter().flat_map(Trial::false_scores).collect();
     scores.sort_by(|a, b| b.total_cmp(a));
     let most = (per_scan * trials.len() as f64).floor() as usize;
-    // Just above the first false positive that is too many.
+    // Just above the score of the first false positive beyond the limit.
     scores.get(most).map_or(f64::NEG_INFINITY, |s| s.next_up())
 }
 
-/// Returns the false positives a scan with at least this score.
+/// Returns the number of false positives per scan with at least this score.
 pub(super) fn false_positives(trials: &[Trial], score: f64) -> f64 {
     trials.iter().flat_map(Trial::false_scores).filter(|s| *s >= score).count() as f64 / trials.len() as f64
 }
 
-/// How many polyps of a group there are, and how many are found with at least a score.
+/// Number of polyps in a group, and how many of them are found with at least a given score.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Share {
     pub of: usize,
@@ -92,7 +92,7 @@ impl Share {
         share
     }
 
-    /// Returns the share; NaN of none.
+    /// Returns the share found; NaN if there are no polyps.
     pub(super) fn value(self) -> f64 {
         self.found as f64 / self.of as f64
     }

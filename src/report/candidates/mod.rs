@@ -1,4 +1,4 @@
-//! `report candidates`: how many polyps detectors find, against how many false positives, and how well lesions are measured.
+//! `report candidates`: the sensitivity of detectors against their false positives, and the accuracy of lesion measurements.
 
 mod froc;
 mod pages;
@@ -22,11 +22,11 @@ use froc::Trial;
 /// The first seed of the phantoms that are measured. All constants of the detectors were chosen on seeds 1 to 30.
 const HELD_APART: u64 = 1001;
 
-/// How phantoms are scanned, as usual or with one factor changed.
+/// Scanner settings of the phantoms: the defaults, or with one factor changed.
 #[derive(Clone, Copy, Debug)]
 struct Scan {
     scanner: Scanner,
-    /// Distance of the slices, mm.
+    /// Slice spacing, mm; `None` for that of the phantom's grid.
     slice_mm: Option<f64>,
     tagged: bool,
 }
@@ -37,7 +37,7 @@ impl Default for Scan {
     }
 }
 
-/// One factor of a scan that is changed, the others as usual.
+/// A factor of the scan that is varied while the others keep their defaults.
 struct Factor {
     name: &'static str,
     unit: &'static str,
@@ -56,7 +56,7 @@ const FACTORS: [Factor; 3] = [
     },
 ];
 
-/// What a detector found in some scans.
+/// Results of a detector on some scans.
 struct Measured {
     detector: &'static str,
     /// Mean time beyond lumen and cleansing, s, and the largest memory, MB.
@@ -73,19 +73,19 @@ struct Step {
     measured: Vec<Measured>,
 }
 
-/// A scan of the user's with its truth.
+/// The user's scan with its ground truth.
 pub struct Own {
     /// Its name in the tables.
     pub title: String,
     /// The scan.
     pub volume: Volume,
-    /// The polyps that there are.
+    /// Its true polyps.
     pub polyps: Vec<TruePolyp>,
-    /// What looks like one.
+    /// Its decoys: structures that look like polyps.
     pub decoys: Vec<TrueDecoy>,
 }
 
-/// A truth file, as far as it is needed.
+/// The parts of a truth file that are needed.
 #[derive(Deserialize)]
 struct TruthFile {
     polyps: Vec<TruePolyp>,
@@ -96,20 +96,20 @@ struct TruthFile {
 /// Reads the polyps and decoys of a truth file: what `colvis phantom --truth` writes, or `{"polyps": [{"position", "diameter_mm"}]}`.
 ///
 /// # Errors
-/// Returns status 3 if it cannot be read, is no such file, or has a polyp without a place or size.
+/// Returns status 3 if it cannot be read, is not a truth file, or has a polyp without a position or diameter.
 pub fn read_truth(path: &Path) -> Result<(Vec<TruePolyp>, Vec<TrueDecoy>)> {
     let hint =
         "give what `colvis phantom --truth` writes, or {\"polyps\": [{\"position\": [x, y, z], \"diameter_mm\": d}]}";
     let text = std::fs::read_to_string(path)
-        .map_err(|e| Error::file(path, format!("cannot be read: {e}"), "give a file that can").caused_by(e))?;
+        .map_err(|e| Error::file(path, format!("cannot be read: {e}"), "give a readable file").caused_by(e))?;
     let truth: TruthFile =
-        serde_json::from_str(&text).map_err(|e| Error::file(path, format!("is no list of polyps: {e}"), hint))?;
+        serde_json::from_str(&text).map_err(|e| Error::file(path, format!("is not a list of polyps: {e}"), hint))?;
     let sound = |p: DVec3, d: f64| p.is_finite() && d.is_finite() && d > 0.0;
     if let Some(n) = truth.polyps.iter().position(|p| !sound(p.position, p.diameter_mm)) {
-        return Err(Error::file(path, format!("its polyp {} has no place or no size", n + 1), hint));
+        return Err(Error::file(path, format!("its polyp {} has no position or no diameter", n + 1), hint));
     }
     if let Some(n) = truth.decoys.iter().position(|d| !sound(d.position, d.diameter_mm)) {
-        return Err(Error::file(path, format!("its decoy {} has no place or no size", n + 1), hint));
+        return Err(Error::file(path, format!("its decoy {} has no position or no diameter", n + 1), hint));
     }
     Ok((truth.polyps, truth.decoys))
 }
@@ -150,7 +150,7 @@ pub fn report(
     pages::write(&usual, &steps, own.as_ref(), first, folder)
 }
 
-/// What one detector took, and found.
+/// Cost and result of one detector on one scan.
 struct Run {
     seconds: f64,
     megabytes: Option<f64>,
@@ -230,10 +230,11 @@ fn trials_of(
     Ok(runs.map(run).collect())
 }
 
-/// What a detector finds, with the time, s, and memory, MB, if that is known.
+/// A detector's candidates, with its time, s, and its memory, MB, if that is known.
 pub type FoundBy = (Vec<Candidate>, f64, Option<f64>);
 
-/// Returns what each detector finds in a scan, as `colvis candidates` does, with the time, s, and memory, MB, beyond the colon.
+/// Returns the candidates of each detector in a scan, as `colvis candidates` finds them, with the time, s, and the memory, MB, in
+/// addition to those for the colon.
 ///
 /// # Errors
 /// Returns status 4 if interrupted, or a detector's error.

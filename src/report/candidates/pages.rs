@@ -12,9 +12,9 @@ use crate::report::plot::{Plot, Point, Series};
 use crate::report::table::{Cell, Table, finite, row, table};
 use crate::report::{mean, quantile};
 
-/// False positives a scan at which the tables tell the sensitivity.
+/// Rates of false positives per scan at which the tables give the sensitivity.
 const RATES: [f64; 5] = [0.5, 1.0, 2.0, 4.0, 8.0];
-/// The rate at which all else is told.
+/// The rate used for everything else.
 const RATE: f64 = 2.0;
 
 /// A group of polyps.
@@ -24,7 +24,8 @@ const SHAPES: [(PolypShape, &str); 3] =
     [(PolypShape::Sessile, "sessile"), (PolypShape::Stalked, "stalked"), (PolypShape::Flat, "flat")];
 const SITES: [(PolypSite, &str); 3] =
     [(PolypSite::Wall, "on walls"), (PolypSite::Fold, "on folds"), (PolypSite::Between, "between folds")];
-const SIZES: [(f64, f64, &str); 3] = [(3.0, 6.0, "3-5 mm"), (6.0, 10.0, "6-9 mm"), (10.0, f64::INFINITY, "from 10 mm")];
+const SIZES: [(f64, f64, &str); 3] =
+    [(3.0, 6.0, "3-5 mm"), (6.0, 10.0, "6-9 mm"), (10.0, f64::INFINITY, "10 mm or more")];
 const KINDS: [(DecoyKind, &str); 6] = [
     (DecoyKind::FoldTip, "fold tip"),
     (DecoyKind::FoldJunction, "junction of folds"),
@@ -34,13 +35,13 @@ const KINDS: [(DecoyKind, &str); 6] = [
     (DecoyKind::TaggedStool, "tagged stool"),
 ];
 
-/// True for a sessile or stalked polyp of 6 mm and more: what a detector must find.
+/// True for a sessile or stalked polyp of at least 6 mm, which a detector should find.
 fn is_due(p: &TruePolyp) -> bool {
     p.diameter_mm >= 6.0 && p.shape != PolypShape::Flat
 }
 
 fn groups() -> Vec<Group> {
-    let mut out: Vec<Group> = vec![("sessile and stalked from 6 mm".to_owned(), Box::new(is_due))];
+    let mut out: Vec<Group> = vec![("sessile and stalked of 6 mm or more".to_owned(), Box::new(is_due))];
     for (site, name) in SITES {
         out.push((format!("… {name}"), Box::new(move |p| is_due(p) && p.site == site)));
     }
@@ -63,19 +64,18 @@ pub(super) fn write(
     first: u64,
     folder: &Path,
 ) -> Result<Vec<String>> {
-    let mut page = Page::new(folder, "colvis: candidates, polyps found against false positives")?;
+    let mut page = Page::new(folder, "colvis: polyp candidates, sensitivity against false positives")?;
     page.text(&format!(
-        "Phantoms with folds, lesions of every shape and site, decoys, pools, films, stool, pseudo-enhancement and noise. Their seeds, \
-         {first} and on, were held apart: every constant of the detectors was chosen on seeds 1 to 30, \
-         and on one CT as an example of a wall without polyps. A candidate within 3 mm of a \
-         lesion's surface is a hit; every other candidate, on a decoy or not, is a false positive. Hits of lesions of any size and shape \
-         are no false positives. Intervals are Wilson's, 95 %. No scan of a patient is among the phantoms: the figures say nothing about \
-         patients.",
+        "Phantoms with folds, lesions of every shape and site, decoys, pools, films, stool, pseudo-enhancement and noise. Seeds {first} \
+         and above are a test set: every constant of the detectors was chosen on seeds 1 to 30, and on one CT as an example of a wall \
+         without polyps. A candidate within 3 mm of a lesion's surface is a hit, whatever the size and shape of the lesion. Every other \
+         candidate, on a decoy or not, is a false positive. Intervals are 95 % Wilson intervals. All scans are synthetic: the figures say \
+         nothing about patients.",
     ));
     let findings = findings(usual);
     page.findings(&findings);
     page.section("Sensitivity against false positives");
-    page.plot("froc", &curves(usual), "Sessile and stalked polyps from 6 mm. Lower and farther left is better.")?;
+    page.plot("froc", &curves(usual), "Sessile and stalked polyps of 6 mm or more. Lower and further left is better.")?;
     page.table("sensitivity", &sensitivity(usual))?;
     page.section("Measures");
     page.table("measures", &measures(usual))?;
@@ -83,7 +83,7 @@ pub(super) fn write(
     page.table("decoys", &decoys(usual))?;
     page.table("features", &features(usual))?;
     for factor in FACTORS.iter().filter(|f| steps.iter().any(|s| s.name == f.name)) {
-        page.section(&format!("Against {}", factor.name));
+        page.section(&format!("Effect of {}", factor.name));
         page.table(&format!("by-{}", factor.name), &by_factor(usual, steps, factor.name))?;
     }
     if let Some((title, measured)) = own {
@@ -91,9 +91,9 @@ pub(super) fn write(
         page.table("own", &sensitivity(measured))?;
         page.table("own-measures", &measures(measured))?;
     }
-    page.section("Every candidate");
+    page.section("All candidates");
     page.csv("candidates", &every(usual))?;
-    page.text("candidates.csv lists each candidate with its features and what it is.");
+    page.text("candidates.csv lists each candidate with its features and its class.");
     page.finish()?;
     Ok(findings)
 }
@@ -134,7 +134,7 @@ fn sensitivity(all: &[Measured]) -> Table {
     t
 }
 
-/// The errors of a measure of the found polyps of a group: measured minus true.
+/// Errors of a measurement over the polyps found in a group: measured minus true.
 fn errors(
     m: &Measured,
     group: impl Fn(&TruePolyp) -> bool,
@@ -181,7 +181,7 @@ fn measures(all: &[Measured]) -> Table {
 }
 
 fn decoys(all: &[Measured]) -> Table {
-    let mut t = Table::new(&["detector", "decoy", "number", "taken for a polyp at 2 a scan", "candidate at any score"]);
+    let mut t = Table::new(&["detector", "decoy", "number", "false positive at 2 a scan", "candidate at any score"]);
     for m in all {
         let score = threshold(&m.trials, RATE);
         for (kind, name) in KINDS {
@@ -202,7 +202,7 @@ fn decoys(all: &[Measured]) -> Table {
     t
 }
 
-/// The median of each feature, for polyps and each kind of decoy: what tells them apart.
+/// The median of each feature over polyps and over each kind of decoy, to show which features separate them.
 fn features(all: &[Measured]) -> Table {
     let mut columns = vec!["detector", "candidates on"];
     columns.extend(FEATURES);
@@ -236,7 +236,7 @@ fn by_factor(usual: &[Measured], steps: &[Step], name: &str) -> Table {
     let steps = steps.iter().filter(|s| s.name == name).flat_map(|s| s.measured.iter().map(move |m| (s, m)));
     table!(for (step, m) in steps;
         let score = threshold(&m.trials, RATE);
-        // What a reader would have chosen on the usual scans.
+        // The threshold that a reader would have chosen on the default scans.
         let as_usual = usual.iter().find(|u| u.detector == m.detector).map_or(score, |u| threshold(&u.trials, RATE));
         let due = Share::at(&m.trials, score, is_due);
         let [low, high] = due.interval();
@@ -250,7 +250,7 @@ fn by_factor(usual: &[Measured], steps: &[Step], name: &str) -> Table {
         "to / %" => finite(100.0 * high, 1),
         "3-5 mm / %" => finite(100.0 * small.value(), 1),
         "flat / %" => finite(100.0 * flat.value(), 1),
-        "false positives with the usual score" => finite(false_positives(&m.trials, as_usual), 2),
+        "false positives at the default threshold" => finite(false_positives(&m.trials, as_usual), 2),
         "time / s" => finite(m.seconds, 2),
     )
 }
@@ -293,7 +293,7 @@ fn findings(all: &[Measured]) -> Vec<String> {
             format!(" Their diameters: bias {:.2} mm, SD {:.2} mm.", mean(&diameter), deviation(&diameter))
         };
         format!(
-            "{}: {} of {} sessile and stalked polyps from 6 mm ({:.1} %; {low:.1} to {high:.1}) at {:.2} false positives a scan, in \
+            "{}: {} of {} sessile and stalked polyps of 6 mm or more ({:.1} %; {low:.1} to {high:.1}) at {:.2} false positives a scan, in \
              {:.2} s.{size}",
             m.detector,
             due.found,

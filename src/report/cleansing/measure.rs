@@ -1,4 +1,4 @@
-//! The errors of one cleansed phantom against the same colon without tag.
+//! Errors of one cleansed phantom, compared with the same colon without tagging.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -18,15 +18,16 @@ use crate::space::{PreparedVolume, TransferFunction};
 use crate::surface::Mesh;
 use crate::volume::Volume;
 
-/// A wall farther than this from where it should be counts as missing, and beyond it as a ghost, mm.
+/// Maximum distance between the true and the cleansed wall, mm: beyond it, the true wall counts as missing and the cleansed one as
+/// a ghost.
 const LOST_MM: f64 = 1.5;
-/// The wall is sought this densely along its normal, mm.
+/// Step of the search for the wall along its normal, mm.
 const STEP_MM: f64 = 0.1;
 
 /// A part of the wall.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) enum Part {
-    /// By what is beside it.
+    /// Classified by what lies beside it.
     Beside(Beside),
     /// On a thin fold under fluid.
     Fold,
@@ -62,7 +63,7 @@ impl Part {
     }
 }
 
-/// A place on the wall, as it is.
+/// A place on the true wall.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
     at: DVec3,
@@ -71,7 +72,7 @@ pub(super) struct Place {
     part: Part,
 }
 
-/// The colon as it is, and as the scanner sees it.
+/// The true colon and its scan.
 pub(super) struct Subject {
     twin: Phantom,
     scan: Arc<Volume>,
@@ -89,11 +90,11 @@ pub(super) struct Errors {
     pub p95_mm: f64,
     pub mean_degrees: f64,
     pub p95_degrees: f64,
-    /// Share of the places without a wall.
+    /// Share of the places where no wall was found.
     pub missing: f64,
 }
 
-/// What a method makes of a subject.
+/// The result of a method on a subject.
 #[derive(Clone, Debug)]
 pub(super) struct Outcome {
     pub method: &'static str,

@@ -15,11 +15,11 @@ const REACH: usize = 3;
 /// The lumen's mark of tagged fluid.
 const FLUID: u8 = 2;
 
-/// A way to take tag out of a scan.
+/// A cleansing method.
 pub(super) struct Method {
     /// Its name.
     pub name: &'static str,
-    /// Returns the scan without tag. The lumen is that of the scan.
+    /// Returns the cleansed scan, given the scan and its lumen.
     pub apply: fn(&Arc<Volume>, &Lumen, &Progress) -> Result<Arc<Volume>>,
 }
 

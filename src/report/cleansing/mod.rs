@@ -1,4 +1,4 @@
-//! `report cleansing`: what methods that take tag out of a scan make of the wall beneath, against the same colon without tag.
+//! `report cleansing`: how well cleansing methods restore the wall under tag, compared with the same colon without tagging.
 
 mod measure;
 mod methods;
@@ -25,7 +25,7 @@ const PLACES: usize = 60_000;
 /// Parts of the wall whose errors are plotted.
 const PLOTTED: [Part; 2] = [Part::Beside(Beside::Fluid), Part::Beside(Beside::Rim)];
 
-/// One factor of a scan that is varied, the others as usual.
+/// A factor of the scan that is varied while the others keep their defaults.
 struct Factor {
     name: &'static str,
     unit: &'static str,
@@ -38,7 +38,7 @@ struct Factor {
 struct Scan {
     scanner: Scanner,
     noise: bool,
-    /// Voxels, mm; `None` for those of the size.
+    /// Voxel spacing, mm; `None` for that of the phantom's size.
     spacing: Option<DVec3>,
 }
 
@@ -65,9 +65,9 @@ const FACTORS: [Factor; 4] = [
     },
 ];
 
-/// What was measured on one phantom.
+/// Measurements on one phantom.
 struct Measured {
-    /// What is varied, and to which value; `None` on the phantoms of the first part.
+    /// The factor that is varied, and its value; `None` for the phantoms of the first part.
     factor: Option<(&'static str, f64)>,
     title: String,
     polyps: usize,
@@ -139,13 +139,13 @@ fn with_spacing(grid: &Grid, spacing: DVec3) -> Result<Grid> {
 }
 
 fn write(all: &[Measured], folder: &Path) -> Result<Vec<String>> {
-    let mut page = Page::new(folder, "colvis: cleansing, the wall under tag against the same colon without it")?;
+    let mut page = Page::new(folder, "colvis: cleansing, the restored wall against the same colon without tagging")?;
     page.text(
         "Phantoms with folds, polyps, pools, films, stool, inhomogeneous tag (200 to 1200 HU), pseudo-enhancement and noise, \
-         blurred by a scanner of its own. The truth is the analytic colon without tagging: at places spread over its wall, the \
+         each blurred by a simulated scanner. The truth is the analytic colon without tagging: at places spread over its wall, the \
          position error is the distance to the nearest rising crossing of -650 HU along the normal, and the normal error the angle \
-         to the gradient that the default renderer estimates there. A wall more than 1.5 mm away counts as missing; what floats in \
-         the lumen, more than that from any wall, as a ghost. Dry walls show what noise and sampling alone do.",
+         to the gradient that the default renderer estimates there. A wall more than 1.5 mm away counts as missing. A surface in \
+         the lumen that is more than 1.5 mm from any true wall is a ghost. Dry walls show the effect of noise and sampling alone.",
     );
     let findings = findings(all);
     page.findings(&findings);
@@ -154,9 +154,9 @@ fn write(all: &[Measured], folder: &Path) -> Result<Vec<String>> {
     page.section("Ghosts, polyps, time");
     page.table("methods", &methods_table(all))?;
     for factor in FACTORS.iter().filter(|f| all.iter().any(|m| m.factor.is_some_and(|(name, _)| name == f.name))) {
-        page.section(&format!("Against {}", factor.name));
+        page.section(&format!("Effect of {}", factor.name));
         let file = format!("normals-{}", factor.name);
-        page.plot(&file, &factor_plot(all, factor), "Small phantoms; all else as usual.")?;
+        page.plot(&file, &factor_plot(all, factor), "Small phantoms; all other factors have their defaults.")?;
     }
     page.finish()?;
     Ok(findings)
@@ -168,7 +168,7 @@ fn outcomes(all: &[Measured]) -> impl Iterator<Item = (&Measured, &Outcome)> {
 }
 
 fn parts_table(all: &[Measured]) -> Table {
-    // Without a single wall there is no error of it.
+    // If no wall was found, it has no error.
     table!(for (m, o, (part, e)) in outcomes(all).flat_map(|(m, o)| o.parts.iter().map(move |p| (m, o, p)));
         "phantom" => &m.title,
         "method" => o.method,
@@ -206,8 +206,7 @@ fn factor_plot(all: &[Measured], factor: &Factor) -> Plot {
         });
         Series::line(format!("{}, {}", method.name, part.name()), points)
     });
-    let (title, x) =
-        (format!("Normals under tag against {}", factor.name), format!("{} / {}", factor.name, factor.unit));
+    let (title, x) = (format!("Normals under tag over {}", factor.name), format!("{} / {}", factor.name, factor.unit));
     Plot::new(title, x, "mean angular error / degrees", series.collect())
 }
 
@@ -221,7 +220,7 @@ fn over(all: &[Measured], method: &str, of: impl Fn(&Outcome) -> Option<f64>) ->
 fn findings(all: &[Measured]) -> Vec<String> {
     let dry = over(all, "none", |o| Some(o.parts.get(&Part::Beside(Beside::Gas))?.mean_degrees));
     let mut lines =
-        vec![format!("On dry walls normals are {dry:.1}° off, by noise ({NOISE_HU:.0} HU) and sampling alone.")];
+        vec![format!("On dry walls, noise ({NOISE_HU:.0} HU) and sampling alone put normals {dry:.1}° off.")];
     for method in &METHODS[1..] {
         let part = |part: Part, of: fn(&measure::Errors) -> f64| over(all, method.name, |o| o.parts.get(&part).map(of));
         let (fluid, rim) = (Part::Beside(Beside::Fluid), Part::Beside(Beside::Rim));

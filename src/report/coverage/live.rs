@@ -1,4 +1,4 @@
-//! The coverage that grows while flying, beside that of the whole flight afterwards.
+//! Coverage measured during a flight, compared with that measured after it.
 
 use std::time::Instant;
 
@@ -11,10 +11,10 @@ use crate::report::{median, quantile};
 
 use super::runs::{FOVS, SECONDS};
 
-/// What it takes, and what it tells.
+/// Cost and result of live coverage.
 pub(super) struct Live {
     pub guide: &'static str,
-    /// Share while flying, at the end, and afterwards, in pictures of 90°.
+    /// Share of the wall measured live, at the end of the flight, and afterwards, at a view angle of 90°.
     pub shares: [f64; 2],
     /// Time of a step, ms, without and with it: median and 99th percentile.
     pub steps_ms: [[f64; 2]; 2],

@@ -1,5 +1,5 @@
-//! `report coverage`: how much of the wall flights see, beside a study of readers and beside what can be seen at all; where the rest
-//! lies; and what measuring it costs.
+//! `report coverage`: how much of the wall flights see, compared with a study of readers and with the visible maximum; where the
+//! unseen wall lies; and the cost of the measurement.
 
 mod live;
 mod pages;
@@ -22,12 +22,12 @@ use rest::Rest;
 use runs::{Run, Toured};
 use visible::Visible;
 
-/// What was measured in one colon.
+/// Measurements in one colon.
 struct Measured {
     title: String,
     is_scan: bool,
     runs: Vec<Run>,
-    /// The planned flight's review in pictures of 90°.
+    /// The review of the planned flight at a view angle of 90°.
     toured: Toured,
     visible: Visible,
     rest: Rest,
@@ -36,7 +36,7 @@ struct Measured {
     live: Live,
 }
 
-/// What the measure costs.
+/// Cost of the measurement.
 #[derive(Clone, Copy, Debug)]
 struct Cost {
     seconds: f64,
@@ -93,7 +93,7 @@ fn measure(
     let Some(flight) = planned else {
         return Err(Error::fault("report coverage", "has no planned flight", "report it"));
     };
-    progress.stage("looking from everywhere", 0);
+    progress.stage("measuring the visible maximum", 0);
     let planned = runs.iter().filter(|r| r.guide == runs::PATH).flat_map(|r| &r.reviewed);
     let looks: Vec<_> = planned.flat_map(|r| r.views.iter().copied()).collect();
     let visible = visible::visible(&flight, &[&flight.back[..], &looks].concat(), effort.choose(7.0, 4.0), progress)?;
@@ -106,9 +106,9 @@ fn measure(
         triangles: flight.wall.len(),
         wall_bytes: flight.wall.bytes(),
     };
-    progress.stage("looking again", 0);
+    progress.stage("flying the review", 0);
     let toured = runs::toured(flight, progress)?;
-    progress.stage("watching while flying", 0);
+    progress.stage("measuring live coverage", 0);
     let live = live::live(&mut scan, runs::PATH, progress)?;
     Ok(Measured { title, is_scan, runs, toured, visible, rest, cost, live })
 }

@@ -10,39 +10,38 @@ use crate::report::dots::Dots;
 use crate::report::page::Page;
 use crate::report::table::{Table, table};
 
-/// Shares of a study of 223 patients at 90°: one way, both ways, and after patches of at least 300 mm² that were missed had been looked
-/// at (Pickhardt, Taylor and Gopal, Gastroenterology, 2006).
+/// Shares seen in a study of 223 patients at 90°: one way, both ways, and after a second look at missed patches of at least 300 mm²
+/// (Pickhardt, Taylor and Gopal, Gastroenterology, 2006).
 const STUDY: [(f64, &str); 3] = [(0.77, "study, one way"), (0.94, "both ways"), (0.98, "after review")];
-/// What is plotted of each flight.
+/// The shares plotted for each flight.
 const SERIES: [&str; 6] = [
     "one way",
     "same places, both ways",
     "flown there and back",
     "one way, reviewed",
     "there and back, reviewed",
-    "can be seen at all",
+    "visible maximum",
 ];
 
 /// Writes the report. Returns the findings, one sentence each.
 pub(super) fn write(all: &[Measured], folder: &Path) -> Result<Vec<String>> {
     let mut page = Page::new(folder, "colvis: the share of the wall that flights see")?;
     page.text(
-        "Coverage is the share of the wall's area that is seen. The wall is the surface of the gas that is flown, as each guide flies \
-         it: planned and potential flights take tagged fluid out of a scan, tentacles fly it as it is. A triangle is seen if it is within \
+        "Coverage is the share of the wall's area that is seen. The wall is the surface of the gas that is flown: planned and \
+         potential flights fly the scan cleansed, tentacles fly it as scanned. A triangle is seen if it is within \
          100 mm, in the picture, less than 85° from facing the camera, and not hidden. Flights start at the rectum.",
     );
     page.text(
-        "The study (Pickhardt, Gastroenterology, 2006, 223 patients, 90°) saw 77 % one way, 94 % both ways, and 98 % after missed patches \
-         of at least 300 mm² had been looked at. Its readers flew back, so its second figure compares with flights there and back. \
-         \
-         In the plot review is simulated: each missed patch is looked at from one place where the camera fits, twice over. After the \
-         planned flight at 90° it is flown, too.",
+        "The study (Pickhardt, Gastroenterology, 2006, 223 patients, 90°) saw 77 % one way, 94 % both ways, and 98 % after a second look \
+         at missed patches of at least 300 mm². Its readers flew back, so compare its second figure with flights there and back. \
+         In the plot, reviews are simulated: the camera looks at each missed patch from one place where it fits, in two rounds. After \
+         the planned flight at 90°, the review is also flown.",
     );
     let mut findings: Vec<String> = all.iter().filter_map(shares).collect();
     findings.extend(all.iter().map(|m| {
         let t = &m.toured;
         format!(
-            "{}: a review is flown past {} places in {:.0} mm and {:.0} s; {:.1} % of the wall has been seen then.",
+            "{}: the review flies past {} places in {:.0} mm and {:.0} s; {:.1} % of the wall is then seen.",
             m.title,
             t.stops,
             t.length_mm,
@@ -54,7 +53,7 @@ pub(super) fn write(all: &[Measured], folder: &Path) -> Result<Vec<String>> {
         let [live, after] = m.live.shares;
         let [[without, _], [with, _]] = m.live.steps_ms;
         format!(
-            "{}: coverage while flying ends at {:.1} %, measured afterwards it is {:.1} %. It adds {:.2} ms to a step of {without:.2} ms \
+            "{}: live coverage ends at {:.1} %; measured afterwards, it is {:.1} %. It adds {:.2} ms to a step of {without:.2} ms \
              (medians).",
             m.title,
             100.0 * live,
@@ -66,20 +65,20 @@ pub(super) fn write(all: &[Measured], folder: &Path) -> Result<Vec<String>> {
     page.section("Shares");
     page.dots("shares", &dots(all), "Dots of a flight share a line. Vertical lines are the study's values at 90°.")?;
     page.table("flights", &flights(all))?;
-    page.section("Reviews that were flown");
+    page.section("Reviews as flown");
     page.text(
-        "After the planned flight at 90°: the shortest tours past what was missed, with what is seen on the way. Orders are told by their \
-         length over the lumen's cells.",
+        "After the planned flight at 90°: the shortest tours past the missed patches. What is seen on the way counts. The length of an \
+         order is measured over the lumen's cells.",
     );
     page.table("tours", &tours(all))?;
-    page.section("What can be seen at all");
+    page.section("Visible maximum");
     page.text(
         "The camera looks in all directions from each place of a grid in the flown gas where its body fits with 0.5 mm to spare, whether or \
          not it could fly there. The last column adds the places of the flights and of the review. The coarse grid is part of the fine one: \
-         what the fine one adds tells how far the share is from its limit.",
+         what the fine one adds shows how far the share is from its limit.",
     );
     page.table("visible", &visible(all))?;
-    page.section("Where the rest lies");
+    page.section("Where the unseen wall lies");
     for m in all {
         let text = paragraph(m, all);
         page.text(&text);
@@ -88,11 +87,11 @@ pub(super) fn write(all: &[Measured], folder: &Path) -> Result<Vec<String>> {
         }
     }
     page.table("reasons", &reasons(all))?;
-    page.text("The same wall by other criteria. A part of less than 0.05 % of the wall is left out.");
+    page.text("The same wall by other criteria. Parts below 0.05 % of the wall are left out.");
     page.table("parts", &parts(all))?;
-    page.section("While flying, and afterwards");
+    page.section("Live coverage, and coverage afterwards");
     page.text(
-        "Two flights on one path take steps in turn, one with live coverage and one without. The measure afterwards includes the \
+        "Two flights on one path take steps in turn, one with live coverage and one without. The measurement afterwards includes the \
          extraction of the wall; its memory is the increase of the peak, where the system reports it.",
     );
     page.table("cost", &cost(all))?;
@@ -109,14 +108,14 @@ fn planned(m: &Measured) -> Option<&Run> {
     m.runs.iter().find(|r| r.guide == PATH)
 }
 
-/// Returns a sentence about a colon's shares beside the study's.
+/// Returns a sentence that compares a colon's shares with the study's.
 fn shares(m: &Measured) -> Option<String> {
     let run = planned(m)?;
     let [one, back, reviewed, all] =
         [run.coverage.one_way, run.there_and_back, run.reviewed[1].share, m.visible.share].map(|s| 100.0 * s);
     Some(format!(
         "{}: a planned flight sees {one:.1} % of the wall one way (study: 77), {back:.1} % there and back (94) and {reviewed:.1} % after \
-         review (98), in pictures of 90°; {all:.1} % can be seen at all.",
+         review (98), at a view angle of 90°; the visible maximum is {all:.1} %.",
         m.title
     ))
 }
@@ -154,8 +153,8 @@ fn flights(all: &[Measured]) -> Table {
         "one way, reviewed / %" => percent(r.reviewed[0].share),
         "views added" => r.reviewed[0].views.len(),
         "there and back, reviewed / %" => percent(r.reviewed[1].share),
-        "views added then" => r.reviewed[1].views.len(),
-        "can be seen at all / %" => (r.guide == PATH).then(|| percent(m.visible.share)),
+        "views added, there and back" => r.reviewed[1].views.len(),
+        "visible maximum / %" => (r.guide == PATH).then(|| percent(m.visible.share)),
     )
 }
 
@@ -172,7 +171,7 @@ fn tours(all: &[Measured]) -> Table {
         "time / s" => (r.seconds, 0),
         "order / mm" => (r.orders_mm[0], 0),
         "best of 1,000 random orders / mm" => (r.orders_mm[1], 0),
-        "planned in / s" => (r.planned_s, 2),
+        "planning time / s" => (r.planned_s, 2),
     )
 }
 
@@ -184,7 +183,7 @@ fn visible(all: &[Measured]) -> Table {
         "places" => coarse.places,
         "seen / %" => (100.0 * coarse.share, 2),
         "fine grid / mm" => (fine.step_mm, 0),
-        "places there" => fine.places,
+        "places of the fine grid" => fine.places,
         "seen from there / %" => (100.0 * fine.share, 2),
         "with the flights' places / %" => (100.0 * v.share, 2),
         "time / s" => (v.seconds, 1),
@@ -208,8 +207,8 @@ fn parts(all: &[Measured]) -> Table {
         "of the wall / %" => percent(p.share),
         "seen one way / %" => percent(p.seen[0]),
         "same places, both ways / %" => percent(p.seen[1]),
-        "can be seen at all / %" => percent(p.seen[2]),
-        "of what was not seen one way / %" => percent(p.of_rest),
+        "visible maximum / %" => percent(p.seen[2]),
+        "of the wall not seen one way / %" => percent(p.of_rest),
     )
 }
 
@@ -235,7 +234,7 @@ fn cost(all: &[Measured]) -> Table {
     )
 }
 
-/// Says where the wall lies that the planned flight did not see in pictures of 90°, from the numbers alone.
+/// Describes where the wall lies that the planned flight did not see at a view angle of 90°, from the numbers alone.
 fn paragraph(m: &Measured, all: &[Measured]) -> String {
     let Some(run) = planned(m) else { return String::new() };
     let one = run.coverage.one_way;
@@ -261,42 +260,42 @@ fn paragraph(m: &Measured, all: &[Measured]) -> String {
     let [along, along_seen, along_rest] = parts("faces", &["along the flight"]);
     text += &format!(
         " {along:.0} % of the wall faces along the flight, such as the rear of folds; {along_seen:.0} % of that is seen, and \
-         {along_rest:.0} % of the rest is there."
+         {along_rest:.0} % of the rest lies there."
     );
     let [far, far_seen, far_rest] =
         parts("distance to the nearest place of the flight", &["30 to 60 mm", "60 mm or more"]);
     if far >= 1.0 {
         text += &format!(
-            " {far:.0} % of the wall is 30 mm or more from the path: {far_seen:.0} % of it is seen, and {far_rest:.0} % of the rest is \
+            " {far:.0} % of the wall is 30 mm or more from the path: {far_seen:.0} % of it is seen, and {far_rest:.0} % of the rest lies \
              there."
         );
     }
     let [narrow, _, narrow_rest] = parts("clearance at that place", &["below 6 mm"]);
-    let [fluid, fluid_seen, _] = parts("in the scan as it was", &["under tagged fluid"]);
+    let [fluid, fluid_seen, _] = parts("as scanned", &["under tagged fluid"]);
     text += &format!(
-        " Stretches with a clearance below 6 mm are {narrow:.0} % of the wall and {narrow_rest:.0} % of the rest."
+        " Stretches with a clearance below 6 mm hold {narrow:.0} % of the wall and {narrow_rest:.0} % of the rest."
     );
     if fluid >= 0.5 {
-        let dry_seen = parts("in the scan as it was", &["dry"])[1];
+        let dry_seen = parts("as scanned", &["dry"])[1];
         text += &format!(
-            " Wall that was under tagged fluid, {fluid:.0} % of all, is seen to {fluid_seen:.0} % and dry wall to {dry_seen:.0} %."
+            " Of the wall that was under tagged fluid ({fluid:.0} % of all), {fluid_seen:.0} % is seen; of the dry wall, {dry_seen:.0} %."
         );
     }
     if m.is_scan && one < STUDY[0].0 {
-        let largest = [(back, "wall that only the way back sees"), (folds, "wall behind folds and bends")]
+        let largest = [(back, "wall that is seen only on the way back"), (folds, "wall behind folds and bends")]
             .into_iter()
-            .chain([(small, "wall in small patches"), (never, "wall that nothing sees")])
+            .chain([(small, "wall in small patches"), (never, "wall that cannot be seen")])
             .reduce(|a, b| if b.0 > a.0 { b } else { a });
         text += &format!(
-            " The study's 77 % is the mean of its patients (63 to 92 %). Here {} has the largest part of the rest.",
-            largest.map_or("no part", |l| l.1)
+            " The study's 77 % is the mean of its patients (63 to 92 %). Here the largest part of the rest is {}.",
+            largest.map_or("unknown", |l| l.1)
         );
         if let Some(other) = all.iter().filter(|o| !o.is_scan).find_map(planned).filter(|o| girth_mm(run) > girth_mm(o))
         {
             text += &format!(
-                " There is more wall to each millimetre of the flight than in the phantom ({:.0} mm² against {:.0}), which \
-                 fits a wide lumen with deep folds: the wider it is, the farther ahead the wall enters the picture, and the longer are the \
-                 shadows of folds.",
+                " Each millimetre of the flight has more wall than in the phantom ({:.0} mm² against {:.0}), as expected of a \
+                 wide lumen with deep folds: the wider the lumen, the farther ahead the wall enters the picture, and the more wall lies \
+                 hidden behind folds.",
                 girth_mm(run),
                 girth_mm(other)
             );

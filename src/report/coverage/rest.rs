@@ -7,7 +7,7 @@ use super::runs::{Flight, Review, share};
 use super::visible::Visible;
 use crate::fields::{ClearanceFinder, Lumen};
 
-/// How far before a triangle its gas, and behind it its fluid, is looked up, mm.
+/// Distance from a triangle at which its gas, in front, and its fluid, behind, are looked up, mm.
 const ASIDE_MM: f64 = 0.8;
 /// A triangle faces along the flight, or against it, if its normal is less than about 70° from that.
 const FACING: f64 = 0.34;
@@ -25,13 +25,13 @@ pub(super) struct Reason {
 
 /// The reasons, in the order of the columns of [`Rest::reasons`].
 pub(super) const REASONS: [&str; 4] = [
-    "seen by the same places looking back",
+    "seen from the same places looking back",
     "behind folds: seen by a second look at missed patches of 300 mm² or more",
     "in smaller patches: seen only from places off the path",
     "not seen from any sampled place where the camera fits",
 ];
 
-/// A part of the wall that has something in common.
+/// A part of the wall that shares a property.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
     pub criterion: &'static str,
@@ -40,17 +40,17 @@ pub(super) struct Part {
     pub share: f64,
     /// Shares of the part's area that are seen one way, both ways, and from anywhere.
     pub seen: [f64; 3],
-    /// Share of all that was not seen one way that lies in it.
+    /// Share of the wall not seen one way that lies in this part.
     pub of_rest: f64,
 }
 
-/// Where the rest of a flight in pictures of 90° lies.
+/// The wall that a flight did not see at a view angle of 90°, by reason and by part.
 pub(super) struct Rest {
     pub reasons: Vec<Reason>,
     pub parts: Vec<Part>,
 }
 
-/// Divides the wall that was not seen one way. `tagged` is the lumen of the scan before its tag was taken out.
+/// Divides the wall that was not seen one way. `tagged` is the lumen of the scan before cleansing.
 pub(super) fn rest(flight: &Flight, review: Option<&Review>, visible: &Visible, tagged: &Lumen) -> Rest {
     let (wall, sights) = (&flight.wall, &flight.sights[0]);
     let reason = |n: usize| match () {
@@ -114,14 +114,14 @@ fn criteria(flight: &Flight, tagged: &Lumen) -> Vec<Criterion> {
     };
     let segments = gas.segments.iter().enumerate().map(|(n, s)| format!("{} ({:.0} ml)", n + 1, s.ml)).collect();
     vec![
-        ("faces", ["against the flight", "aside", "along the flight"].map(str::to_owned).to_vec(), each(&facing)),
+        ("faces", ["against the flight", "sideways", "along the flight"].map(str::to_owned).to_vec(), each(&facing)),
         ("distance to the nearest place of the flight", within(AWAY_MM), each(&|n| class(AWAY_MM, nearest[n].0))),
         (
             "clearance at that place",
             within(RADII_MM),
             each(&|n| class(RADII_MM, radii.get(nearest[n].1).copied().unwrap_or(0.0))),
         ),
-        ("in the scan as it was", ["dry", "under tagged fluid"].map(str::to_owned).to_vec(), each(&was_fluid)),
+        ("as scanned", ["dry", "under tagged fluid"].map(str::to_owned).to_vec(), each(&was_fluid)),
         ("segment of gas", segments, each(&segment)),
     ]
 }

@@ -19,15 +19,15 @@ pub(super) const SECONDS: f64 = 600.0;
 const TOUR_SECONDS: f64 = 3600.0;
 /// View angles, degrees.
 pub(super) const FOVS: [f64; 2] = [90.0, 120.0];
-/// How often missed patches are looked at.
+/// Number of rounds of looks at missed patches.
 const ROUNDS: usize = 2;
 
 /// The guides.
 pub(super) const GUIDES: [&str; 3] = ["tentacles", "path", "potential"];
-/// The guide whose flight is also flown back, and whose rest is looked into.
+/// The guide whose flight is also flown back, and whose unseen wall is analysed.
 pub(super) const PATH: &str = "path";
 
-/// What a flight sees of the wall in pictures of one view angle.
+/// What a flight sees of the wall at one view angle.
 pub(super) struct Run {
     pub guide: &'static str,
     pub fov_degrees: f64,
@@ -94,7 +94,7 @@ pub(super) struct Toured {
     pub planned_s: f64,
 }
 
-/// Flies on to what a flight has missed in pictures of 90°.
+/// Flies a review of the patches that a flight has missed at a view angle of 90°.
 pub(super) fn toured(flight: Flight, progress: &Progress) -> Result<Toured> {
     let Flight { mut app, wall, sights, .. } = flight;
     let sights = sights.into_iter().next().unwrap_or_default();
@@ -103,7 +103,7 @@ pub(super) fn toured(flight: Flight, progress: &Progress) -> Result<Toured> {
     loop {
         match rounds.set_out(&mut app) {
             Ok(true) => {}
-            // No way leads to what was missed.
+            // No path leads to a missed patch.
             Err(e) if e.what == "review" => break,
             due => {
                 due?;
@@ -141,7 +141,7 @@ pub(super) fn fly(scan: &mut Scan, guide: &'static str, reverse: bool, progress:
     Ok(flight)
 }
 
-/// Flies there and back, and looks at what was seen.
+/// Flies there and back, and measures what was seen.
 pub(super) fn measured(scan: &mut Scan, guide: &'static str, progress: &Progress) -> Result<Flight> {
     let back = fly(scan, guide, true, progress)?.survey().trail().map_or_else(Vec::new, |t| t.views().to_vec());
     let app = fly(scan, guide, false, progress)?;

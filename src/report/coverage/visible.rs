@@ -1,4 +1,4 @@
-//! What of the wall can be seen at all: from places where the camera fits, in all directions.
+//! The visible maximum: all wall that can be seen, in any direction, from places where the camera fits.
 
 use std::time::Instant;
 
@@ -12,7 +12,7 @@ use crate::fields::ClearanceFinder;
 use crate::progress::Progress;
 use crate::render::camera::{Camera, CameraRay, Origins};
 
-/// Minimum distance of a place from the wall beyond the camera's radius, mm: that of the places that missed patches are looked at from.
+/// Minimum distance of a place from the wall beyond the camera's radius, mm: the same as for looks at missed patches.
 const FREE_MM: f64 = 0.5;
 
 /// A camera that looks in all directions at once.
@@ -33,13 +33,13 @@ impl Camera for Everywhere {
     }
 }
 
-/// What can be seen, and from how fine a grid that was found.
+/// The visible wall, and the grids with which it was found.
 pub(super) struct Visible {
     /// Whether each triangle of the wall is seen from the fine grid, from the flight's places or from those of `more`.
     pub seen: Vec<bool>,
     /// The coarse grid, and the fine one that contains it.
     pub grids: [Grid; 2],
-    /// The share of the area that `seen` is.
+    /// The share of the area that is in `seen`.
     pub share: f64,
     pub seconds: f64,
 }

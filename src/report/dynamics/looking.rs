@@ -1,4 +1,4 @@
-//! Where the views of automatic flights look: how often at a wall close by, and how fast they turn.
+//! The gaze of automatic flights: how often a view looks at a wall close by, and how fast it turns.
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ use crate::schedule::Look;
 use crate::space::{PreparedVolume, TransferFunction, first_crossing};
 use crate::systems::looks;
 
-/// Distance along the way between two places that are judged, mm.
+/// Distance along the path between two evaluated places, mm.
 const EVERY_MM: f64 = 5.0;
 /// A view looks at a wall if the median depth in its middle is less than this, mm.
 const NEAR_MM: f64 = 15.0;
@@ -29,7 +29,7 @@ const RAYS: i32 = 9;
 /// Maximum duration of a flight, simulated seconds.
 const SECONDS: f64 = 600.0;
 
-/// The flights that are judged: guide and look.
+/// The evaluated flights: guide and look.
 const FLIGHTS: [(&str, Look); 5] = [
     ("tentacles", looks::ahead::LOOK),
     ("potential", looks::ahead::LOOK),
@@ -38,7 +38,7 @@ const FLIGHTS: [(&str, Look); 5] = [
     ("path", looks::way::LOOK),
 ];
 
-/// What a flight's views are like.
+/// Statistics of a flight's views.
 struct Judged {
     state: State,
     seconds: f64,
@@ -66,7 +66,7 @@ pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> 
     }
     courses.extend(subject.scan.clone().map(|(title, volume)| (title, volume, true)));
     page.text(
-        "Each 5 mm of the way, the median depth in the middle eighth of the picture (90°). Angular speed and acceleration are those \
+        "Every 5 mm of the path, the median depth in the middle eighth of the picture (90°). Angular speed and acceleration are those \
          of the view, from one step of 1/120 s to the next. The scan is flown cleansed.",
     );
     let mut all = Vec::new();
@@ -91,20 +91,20 @@ pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> 
         "flight" => *title,
         "guide" => *guide,
         "look" => *look,
-        "way" => *way,
+        "direction" => *way,
         "arrives" => j.state == State::Arrived,
         "simulated s" => (j.seconds, 0),
         "places" => j.places,
         "wall nearer than 15 mm (%)" => (100.0 * j.near, 1),
-        "turns, 99 % (°/s)" => (j.speed[0].to_degrees(), 0),
-        "turns, most (°/s)" => (j.speed[1].to_degrees(), 0),
+        "turn rate, 99 % (°/s)" => (j.speed[0].to_degrees(), 0),
+        "turn rate, maximum (°/s)" => (j.speed[1].to_degrees(), 0),
         "angular acceleration, 99 % (°/s²)" => (j.acceleration[0].to_degrees(), 0),
-        "angular acceleration, most (°/s²)" => (j.acceleration[1].to_degrees(), 0),
+        "angular acceleration, maximum (°/s²)" => (j.acceleration[1].to_degrees(), 0),
     );
     page.table("looking", &table)?;
     let [ahead, way] = worst;
     Ok(vec![format!(
-        "Planned and potential flights that look along the way see a wall nearer than 15 mm at {:.1} % of their places at worst \
+        "Planned and potential flights that look along the path see a wall nearer than 15 mm at {:.1} % of their places at worst \
          ({:.1} % when they look ahead); 99 % of the time the view's angular acceleration is below {:.0} °/s² ({:.0}).",
         100.0 * way.0,
         100.0 * ahead.0,
@@ -113,7 +113,7 @@ pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> 
     )])
 }
 
-/// Flies and judges the views.
+/// Flies, and evaluates the views.
 fn judge(scan: &mut Scan, guide: &'static str, look: Look, reverse: bool) -> Result<Judged> {
     let scene = Scene { log: true, look: Some(look), ..Scene::guided_by(guide) };
     let mut flight = scan.flight(scene, &FlightRequest { reverse, ..FlightRequest::default() })?;

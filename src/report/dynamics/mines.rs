@@ -81,7 +81,7 @@ fn worth(effort: Effort, page: &mut Page, progress: &Progress) -> Result<String>
     ));
     let heads: Vec<String> = WORTH
         .iter()
-        .flat_map(|kept| [format!("{kept} mines: arrive (%)"), format!("{kept} mines: way (mm)")])
+        .flat_map(|kept| [format!("{kept} mines: arrive (%)"), format!("{kept} mines: path (mm)")])
         .collect();
     let heads: Vec<&str> = ["drawing"].into_iter().chain(heads.iter().map(String::as_str)).collect();
     let mut table = Table::new(&heads);
@@ -108,8 +108,8 @@ fn worth(effort: Effort, page: &mut Page, progress: &Progress) -> Result<String>
     }
     page.table("mines-worth", &table)?;
     Ok(match decided[..] {
-        [] => "Mines decide no flight through a drawing.".to_owned(),
-        _ => format!("Drawings in which mines decide who arrives: {}.", decided.join("; ")),
+        [] => "The number of mines does not decide which flights through drawings arrive.".to_owned(),
+        _ => format!("Drawings in which the number of mines decides which flights arrive: {}.", decided.join("; ")),
     })
 }
 
@@ -173,8 +173,8 @@ fn table(laid: &[Laid]) -> Table {
         "spacing (mm)" => (l.settings.spacing_mm, 0),
         "reach (mm)" => (l.settings.reach_mm, 0),
         "flights that arrive (%)" => (100.0 * l.arrived, 0),
-        "other ways looked for" => (l.escapes, 1),
-        "time of those (s)" => known(l.seconds, 1),
+        "searches for another direction" => (l.escapes, 1),
+        "mean time of arriving flights (s)" => known(l.seconds, 1),
     )
 }
 

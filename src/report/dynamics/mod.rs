@@ -1,5 +1,5 @@
 //! `report dynamics`: compares integrators of the rigid body (error against time, stability, conservation), and measures the cost
-//! of the clamp to free space, the number of tentacles and mines required, and where the views look. Each study has its own file.
+//! of the clamp to free space, the number of tentacles and mines required, and the gaze. Each study has its own file.
 
 mod clamp;
 mod conserved;
@@ -42,13 +42,13 @@ type Study = fn(&Subject, &mut Page, &Progress) -> Result<Vec<String>>;
 const STUDIES: [(&str, Study); 9] = [
     ("error against time", precision::study),
     ("stability", stability::study),
-    ("what is conserved", conserved::study),
+    ("conservation", conserved::study),
     ("steady flight", smooth::study),
-    ("what the clamp costs", clamp::study),
+    ("cost of the clamp", clamp::study),
     ("tentacles", tentacles::study),
     ("mines", mines::study),
     ("repulsion alone", repulsion::study),
-    ("where the views look", looking::study),
+    ("gaze", looking::study),
 ];
 
 /// Runs all studies, with flights through a scan (and its title) if there is one, and writes the report into `folder`. Returns

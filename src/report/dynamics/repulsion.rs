@@ -122,7 +122,7 @@ fn table(all: &[Flown]) -> Table {
         "ends" => ends(t),
         "time (s)" => (t.seconds, 1),
         "flown (mm)" => (t.length_mm, 0),
-        "other ways looked for" => t.escapes as usize,
+        "searches for another direction" => t.escapes as usize,
         "least clearance (mm)" => (t.clearance_mm.0, 1),
         "mean clearance (mm)" => (t.clearance_mm.1, 1),
         "offset from the centerline (of the radius)" => (t.offset, 3),

@@ -50,7 +50,7 @@ pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> 
     let sensed = measure(&courses, effort, progress)?;
     page.text(&format!(
         "Flights through small phantoms ({}; with folds, polyps and noise) by number of tentacles, and the shortest tentacle at places throughout the lumen compared with the exact clearance: D_s is never sensed too short, and its error falls with the \
-         angle between two tentacles. A step is the whole simulation step, the exact clearances of the body included.",
+         angle between two tentacles. A step is the whole simulation step, including the exact clearances of the body.",
         courses.len()
     ));
     page.table("tentacles", &table(&sensed))?;
@@ -63,8 +63,8 @@ pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> 
         format!("{} sense D_s {median:.2} mm too long (95 %: {most:.2} mm), {:.0}° off", s.count, s.angle_degrees)
     };
     let needed = least.map_or_else(
-        || "No number of tentacles brings every flight to its end.".to_owned(),
-        |s| format!("From {} tentacles on every flight arrives.", s.count),
+        || "With no tested number of tentacles does every flight arrive.".to_owned(),
+        |s| format!("With {} tentacles or more, every flight arrives.", s.count),
     );
     Ok(vec![at.map_or_else(|| needed.clone(), |s| format!("{needed} The default's {}.", reported(s)))])
 }
@@ -136,5 +136,5 @@ fn plot(sensed: &[Sensed]) -> Plot {
         Series::line(name, sensed.iter().map(|s| Point { name: s.count.to_string(), x: s.step_us, y: value(s) }))
     };
     let both = vec![series("median", &|s| s.error_mm.0), series("95 %", &|s| s.error_mm.1)];
-    Plot::new("Tentacles: what they sense", "a step (µs)", "error of D_s (mm)", both)
+    Plot::new("Tentacles: error of the sensed distance", "a step (µs)", "error of D_s (mm)", both)
 }

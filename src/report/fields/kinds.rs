@@ -1,4 +1,4 @@
-//! What the bodies of gas were taken for, against the truth of phantoms with all kinds of gas, and how often each rule decides.
+//! The kinds given to the bodies of gas, against the truth of phantoms with all kinds of gas, and how often each rule decides.
 
 use glam::DVec3;
 
@@ -10,22 +10,22 @@ use crate::report::page::Page;
 use crate::report::table::{Cell, Table, row, table};
 use crate::volume::{PatientPosition, Volume};
 
-/// Distance from the valve up to which ileum may be taken for colon, mm.
+/// Distance from the valve up to which ileum may be classified as colon, mm.
 const VALVE_MM: f64 = 20.0;
 /// Labels of the colon and of the small bowel in a phantom's labels.
 const COLON: u8 = 1;
 const SMALL_BOWEL: u8 = 2;
 
-/// The truth and what was found, in one phantom.
+/// The classification of the gas of one phantom, compared with the truth.
 #[derive(Clone, Debug)]
 pub(super) struct Judgement {
     title: String,
-    /// Overlap of the lumen with the colon, gas and fluid: twice what both have, over the sum.
+    /// Overlap of the lumen with the colon, gas and fluid (Dice): twice the common volume over the sum of both.
     dice: f64,
     ordered: bool,
-    /// Ileum farther than 20 mm from the valve that was taken for colon, ml.
+    /// Ileum farther than 20 mm from the valve that was classified as colon, ml.
     ileum_ml: f64,
-    /// Kinds of the true bodies and what they were taken for.
+    /// Kinds of the true bodies, and the kinds that they were given.
     bodies: Vec<(BodyKind, GasKind)>,
     position: bool,
     /// Largest error of a junction between two named parts, mm.
@@ -59,7 +59,7 @@ impl Decisions {
     }
 }
 
-/// Judges the gas of phantoms with every kind of it, in all four positions.
+/// Classifies the gas of phantoms with every kind of gas, in all four positions.
 pub(super) fn phantoms(size: Size, name: &str, seeds: u64, progress: &Progress) -> Result<Vec<Judgement>> {
     const POSITIONS: [(Position, PatientPosition, &str); 4] = [
         (Position::Supine, PatientPosition::Supine, "supine"),
@@ -128,10 +128,10 @@ fn is_right(truth: BodyKind, found: GasKind) -> bool {
 /// Writes the section; `scan` is what the rules decide in a scan, with its title. Returns the findings. Fails with status 5 if a
 /// file cannot be written.
 pub(super) fn write(page: &mut Page, all: &[Judgement], scan: Option<&(String, Decisions)>) -> Result<Vec<String>> {
-    page.section("What is colon");
+    page.section("Kinds of gas");
     page.text(
-        "Phantoms with small bowel, a stomach, lungs, collapsed stretches, a pelvis and pools. Every body of gas of the truth is \
-         looked up in what was found; \"unknown\" is neither right nor wrong.",
+        "Phantoms with small bowel, a stomach, lungs, collapsed stretches, a pelvis and pools. Each true body of gas is \
+         compared with the kind found for it; \"unknown\" is neither right nor wrong.",
     );
     let is_unknown = |b: &&(BodyKind, GasKind)| b.1 == GasKind::Unknown;
     let kinds = table!(for j in all;
@@ -152,14 +152,14 @@ pub(super) fn write(page: &mut Page, all: &[Judgement], scan: Option<&(String, D
     pairs.sort_by_key(|p| (p.0 as usize, p.1));
     let confusion = table!(for pair in pairs.chunk_by(|a, b| a == b);
         "truth" => format!("{:?}", pair[0].0),
-        "taken for" => pair[0].1.name(),
+        "classified as" => pair[0].1.name(),
         "bodies" => pair.len(),
     );
     page.table("confusion", &confusion)?;
     page.text("The rules, with the bodies for which each holds, and those whose kind or place in the lumen depends on it alone.");
     let mut head = vec!["kind", "weight", "reason", "holds, phantoms", "decides, phantoms"];
     if let Some((title, _)) = scan {
-        head.extend([title.as_str(), "decides there"]);
+        head.extend([title.as_str(), "decides in it"]);
     }
     let mut t = Table::new(&head);
     for (n, r) in RULES.iter().enumerate() {
@@ -175,8 +175,8 @@ pub(super) fn write(page: &mut Page, all: &[Judgement], scan: Option<&(String, D
     let bodies: usize = all.iter().map(|j| j.bodies.len()).sum();
     let judged: usize = all.iter().map(|j| j.rules.bodies).sum();
     Ok(vec![format!(
-        "What is called colon in {} phantoms has a Dice of at least {worst:.3}; {wrong} of {bodies} bodies of gas have a wrong kind \
-         ({judged} were weighed by rules).",
+        "In {} phantoms, the gas classified as colon has a Dice coefficient of at least {worst:.3}; {wrong} of {bodies} bodies of gas \
+         have a wrong kind ({judged} were weighed by rules).",
         all.len()
     )])
 }

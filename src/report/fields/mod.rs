@@ -176,7 +176,7 @@ fn findings(all: &[Measured]) -> Vec<String> {
             METHODS[best].1, error[best], time[best], METHODS[next].1, error[next], time[next]
         ),
         format!(
-            "The exact distance takes {:.2} s with a mean error of {:.3} mm at the wall. There {} ({:.2} s) has {:.3} mm and {} ({:.2} s) {:.3} mm; farther inside their errors reach {:.1} and {:.1} mm.",
+            "The exact distance takes {:.2} s with a mean error of {:.3} mm at the wall. There, {} ({:.2} s) has {:.3} mm and {} ({:.2} s) {:.3} mm; further inside, their errors reach {:.1} and {:.1} mm.",
             distance(0, &|d| d.seconds),
             distance(0, &|d| d.wall_mm.unwrap_or(f64::NAN)),
             measure::DISTANCES[1],

@@ -179,7 +179,7 @@ fn findings(lines: &[Line], ns: &dyn Fn(&Line) -> f64) -> Vec<String> {
             sharp.name
         ),
         format!(
-            "Computed ahead of time ({}), a gradient takes {:.0} ns, {:.1} times less than {} afresh, at {:.2}°, for {} bytes \
+            "Precomputed ({}), a gradient takes {:.0} ns, {:.1} times less than {} on demand, with an error of {:.2}°, for {} bytes \
              a voxel.",
             stored.name,
             time(stored),

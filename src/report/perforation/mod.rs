@@ -97,7 +97,7 @@ pub fn run(steps: u64, seed: u64, progress: &Progress) -> Result<Outcome> {
 /// Returns status 4 if interrupted, 5 if a file cannot be written.
 pub fn report(steps: u64, seed: u64, folder: &Path, progress: &Progress) -> Result<Vec<String>> {
     let outcome = run(steps, seed, progress)?;
-    let mut page = Page::new(folder, "colvis: steps at random against the wall")?;
+    let mut page = Page::new(folder, "colvis: random steps against the wall")?;
     page.text(&format!(
         "{steps} steps in walks of {}, seed {seed}: forces from 1e-3 to 1e9 g·mm/s² and their slopes, steps from 1e-6 to \
          10 s, masses from 1e-6 to 1e6 g, C_s from 1e-9 to 1e9, spins to 1e4 rad/s, needles to discs, radii from 0 to 1.5 mm, \

@@ -110,7 +110,7 @@ impl Fault {
     /// Returns the description for a report.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Gap => "left its way",
+            Self::Gap => "has a gap in its path",
             Self::Crossed => "went into the wall",
             Self::Near => "nearer than its radius",
             Self::Nearer => "too near, and came nearer",

@@ -117,7 +117,7 @@ fn sampling_steps(measured: &[Measured]) -> Option<Claim> {
     Some(Claim {
         paper: "Once in the proximity of the colon wall an average of 4 sampling steps are needed.",
         measured: format!(
-            "{whole:.1} samples a ray at a step of one voxel (h), {half:.1} at half of one, flags skipping the rest."
+            "{whole:.1} samples a ray at a step of one voxel (h), {half:.1} at half a voxel; flags skip the rest."
         ),
     })
 }
@@ -127,9 +127,9 @@ fn recalculation(r: Recount, pixels: usize) -> Option<Claim> {
     (r.voxels > 0).then(|| Claim {
         paper: "At least a double recalculation of most variables is performed; caching gradients at frame level may reduce it.",
         measured: format!(
-            "With eight regressions for each sample and nothing kept, a voxel's is computed {:.1} times in a frame of {pixels} × {pixels} \
-             pixels, and for {:.0} % of the voxels more than once. A cache for the frame computes it {:.2} times: {:.1} % of the \
-             computations are spared.",
+            "With eight regressions for each sample and no cache, the regression of a voxel is computed {:.1} times in a frame of \
+             {pixels} × {pixels} pixels, and more than once for {:.0} % of the voxels. With a cache per frame it is computed {:.2} times: \
+             {:.1} % of the computations are saved.",
             share(r.computed, r.voxels),
             100.0 * share(r.again, r.voxels),
             share(r.cached, r.voxels),
@@ -231,7 +231,7 @@ fn memory_of_field(costs: &[Cost], volume: &PreparedVolume) -> Option<Claim> {
     Some(Claim {
         paper: "Memory is at least doubled if the potential field is calculated.",
         measured: format!(
-            "{:.2} bytes a voxel beside the volume: {:.2} times the paper's 8-bit volume, {:.2} times the 16-bit one.",
+            "{:.2} bytes a voxel in addition to the volume, in all {:.2} times the paper's 8-bit volume, {:.2} times the 16-bit one.",
             field.bytes as f64 / voxels,
             1.0 + field.bytes as f64 / voxels,
             1.0 + field.bytes as f64 / volume.voxels().bytes() as f64
@@ -247,8 +247,8 @@ fn memory_of_gradients(costs: &[Cost], volume: &PreparedVolume, near: f64) -> Cl
     Claim {
         paper: "For voxels close to the wall memory is at least five-folded if (A,B,C) and D are calculated.",
         measured: format!(
-            "{:.1} % of the voxels are close to a wall; four more values of their size for each of them make the whole \
-             {:.2} times the volume.{stored}",
+            "{:.1} % of the voxels are close to a wall; with four more values of the same size for each of them, the \
+             whole is {:.2} times the volume.{stored}",
             100.0 * near,
             1.0 + 4.0 * near
         ),

@@ -205,7 +205,7 @@ fn resample(voxels: &Volume, side: usize) -> Result<Volume> {
     let ratio = DVec3::from_array(dims.map(|d| (d as f64 - 1.0) / (side as f64 - 1.0)));
     let new = Grid::new([side; 3], grid.spacing() * ratio, grid.origin(), grid.direction());
     let too_large =
-        |why: String| Error::fault(format!("{side}³ voxels"), why, "leave the full report to a larger machine");
+        |why: String| Error::fault(format!("{side}³ voxels"), why, "run the full report on a machine with more memory");
     let new = new.map_err(|e| too_large(e.why))?;
     let mut data = Vec::new();
     data.try_reserve_exact(new.len()).map_err(|e| too_large(e.to_string()))?;

@@ -19,7 +19,7 @@ const PANEL: usize = 256;
 pub(crate) fn introduction(page: &mut Page, extent: &Extent) {
     page.text(&format!(
         "Frames of {0} × {0} pixels, {1} threads, {2} poses along a headless flight and {3} after jumps and sudden turns \
-         among them. All methods render a pose in turn before the next one comes; a method that keeps data between frames first renders the {4} preceding frames of the flight. Times are without depth and after a warm-up; with fewer than a hundred frames, p99 is the slowest. Errors are against the reference: rays with steps of an \
+         among them. All methods render a pose in turn before the next pose; a method that keeps data between frames first renders the {4} preceding frames of the flight. Times are without depth and after a warm-up; with fewer than a hundred frames, p99 is the slowest. Errors are against the reference: rays with steps of an \
          eighth of the smallest spacing (h), nothing skipped.",
         extent.pixels,
         rayon::current_num_threads(),
@@ -29,13 +29,13 @@ pub(crate) fn introduction(page: &mut Page, extent: &Extent) {
     ));
     if extent.effort == Effort::Full {
         page.text(
-            "The reference's own distance from rays with infinitely small steps is about how far \"brute h/16\", with half its step, differs \
-             from it.",
+            "The error of the reference itself, against infinitely small steps, is about its difference from \"brute h/16\", which \
+             halves the step.",
         );
     }
     page.text(
         "Filtered density classifies by the regression's D as the paper does, and more samples a pixel smooth edges: both target a different image than the reference, so their difference is not an error, and they appear in the tables only. Wall \
-         distance is compared for methods whose depth is their own; all others take the exact crossings.",
+         distance is compared for methods that compute their own depth; all others use the exact crossings.",
     );
 }
 
@@ -92,11 +92,11 @@ pub(crate) fn subject(page: &mut Page, s: &Subject, measured: &[Measured], claim
 /// Writes the section on adaptive detail. Returns the finding.
 pub(crate) fn motion(page: &mut Page, s: &Subject, m: &AdaptiveMeasurement, extent: &Extent) -> Result<String> {
     let finding = format!("{}: {}", s.title, m.finding(2 * extent.pixels));
-    page.section(&format!("{}: detail that follows the need", s.title));
+    page.section(&format!("{}: adaptive detail", s.title));
     page.finding(&finding);
     let t = table!(for (n, &ms) in m.ms.iter().enumerate(); "picture" => n, "ms" => known(ms, 2));
     page.csv(&format!("{}-moving", s.name), &t)?;
-    page.text(&format!("While it is refined a picture takes {:.1} ms at the most.", m.refining_ms));
+    page.text(&format!("A picture that is being refined takes at most {:.1} ms.", m.refining_ms));
     Ok(finding)
 }
 
@@ -133,10 +133,10 @@ fn rows_of(what: &str, rows: &[Row], side: usize) -> Table {
         "of the first",
         "rays a pixel",
         "samples a ray",
-        "made ready in / s",
+        "preparation / s",
         "ns a voxel",
         "memory / 16-bit volume",
-        "greatest difference",
+        "largest difference",
     ]);
     let first = rows.first().map_or(f64::NAN, Row::median);
     for r in rows {
@@ -187,7 +187,7 @@ fn methods(measured: &[Measured], volume: usize) -> Table {
         "after a jump, median / ms" => known(median(&m.jump_ms), 1),
         "samples a ray" => known(mean(&all(m, |f| f.samples)), 2),
         "memory / 16-bit volume" => known(m.bytes as f64 / volume as f64, 3),
-        "made ready in / s" => known(m.prepare_s, 3),
+        "preparation / s" => known(m.prepare_s, 3),
     )
 }
 
@@ -260,14 +260,14 @@ fn plots(s: &Subject, measured: &[Measured]) -> Vec<(&'static str, Plot, &'stati
             plot("structural error against time", time, "1 − mean SSIM", &|m| {
                 (median(&m.ms), 1.0 - mean(&all(m, |f| f.ssim)))
             }),
-            "What SSIM misses of 1.",
+            "1 minus the mean SSIM.",
         ),
         (
             "memory",
-            plot("memory against time", time, "memory beside the voxels / 16-bit volume", &|m| {
+            plot("memory against time", time, "memory in addition to the voxels / 16-bit volume", &|m| {
                 (median(&m.ms), m.bytes as f64 / volume)
             }),
-            "Methods without memory of their own are not in the plot. The flags count for every ray caster.",
+            "Methods that need no additional memory are not in the plot. The flags count for every ray caster.",
         ),
     ];
     if compared.iter().any(|m| displaced(m).is_some()) {
@@ -276,7 +276,7 @@ fn plots(s: &Subject, measured: &[Measured]) -> Vec<(&'static str, Plot, &'stati
             plot("wall distance against time", time, "walls off by more than h/4 / %", &|m| {
                 (median(&m.ms), displaced(m).map_or(0.0, |d| 100.0 * d))
             }),
-            "Methods whose depth is their own.",
+            "Methods that compute their own depth.",
         ));
     }
     all
@@ -303,7 +303,7 @@ fn finding(s: &Subject, measured: &[Measured]) -> String {
             let best = compared().max_by(|a, b| a.worst_psnr().total_cmp(&b.worst_psnr()));
             best.map_or_else(String::new, |m| {
                 format!(
-                    "{}: no method keeps 40 dB in every frame; the nearest, {}, has {:.1} dB in its worst and takes {:.1} ms.",
+                    "{}: no method keeps 40 dB in every frame; the best, {}, has {:.1} dB in its worst frame and takes {:.1} ms.",
                     s.title,
                     m.method.name,
                     m.worst_psnr(),

@@ -174,9 +174,9 @@ pub(crate) fn measure(
 
 /// Writes the section on the benefit of each idea of the paper.
 pub(crate) fn tell(page: &mut Page, s: &Subject, taken: &[Taken], extent: &Extent) -> Result<()> {
-    page.section(&format!("{}: what each idea of the paper's section 2.2 is worth", s.title));
+    page.section(&format!("{}: benefit of each idea of the paper's section 2.2", s.title));
     page.text(&format!(
-        "The preset colvis at {0} × {0} pixels with and without each idea, rendered in turn along the flight. PSNR is against          brute force by the filtered density of the 16-bit voxels. All variants use headlight and regression; `report gradients` compares the regression's error with others; SIMD levels are below.",
+        "The preset colvis at {0} × {0} pixels with and without each idea, rendered in turn along the flight. PSNR is against brute force by the filtered density of the 16-bit voxels. All variants use headlight and regression; `report gradients` compares the regression's error with others; SIMD levels are below.",
         extent.pixels
     ));
     page.table(&format!("{}-worth", s.name), &table(taken, s.volume.voxels().bytes()))

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::{AIR_HU, Volume};
 
-/// Fewer voxels are no scan, and tell nothing.
+/// Minimum number of voxels for a judgement: fewer are not a scan.
 const LEAST_VOXELS: usize = 4096;
 /// Number of voxels of the sample that is enough for most scans.
 const SAMPLE: usize = 1 << 20;
@@ -24,14 +24,14 @@ pub enum Oddity {
     Offset {
         /// The value of gas.
         gas: i32,
-        /// How much values are too high.
+        /// How much too high the values are.
         by: i32,
     },
     /// Values lie within this, 0 or −1, and 1.
     Unit(i16),
     /// Values lie within 0 and 255.
     Grey,
-    /// There is no air: least and greatest value.
+    /// There is no air: minimum and maximum value.
     NoAir(i16, i16),
 }
 
@@ -57,13 +57,13 @@ impl Oddity {
         if self.is_clear() { "give a scan in HU" } else { "give a scan in HU, with gas in the colon" }
     }
 
-    /// True if the values are clearly no HU, not only without air.
+    /// True if the values are clearly not HU, not only without air.
     pub fn is_clear(self) -> bool {
         !matches!(self, Self::NoAir(..))
     }
 }
 
-/// Tells how the values of a scan differ from HU; `None` if air lies where it does in HU.
+/// Returns how the values of a scan differ from HU; `None` if air lies where it does in HU.
 ///
 /// A sample of rows is counted first. Only if that has no air, all voxels are.
 pub fn oddity(volume: &Volume) -> Option<Oddity> {

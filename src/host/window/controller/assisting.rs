@@ -90,7 +90,7 @@ impl FlightController {
     /// Answers whether the candidate that is shown is a polyp, and goes on to the next without an answer.
     pub(super) fn answer(&mut self, answer: Answer, now: Instant) {
         let assistant = self.asked_assistant(now);
-        let Some(n) = assistant.reading().current() else { return self.say("no candidate is chosen", now) };
+        let Some(n) = assistant.reading().current() else { return self.say("no candidate is selected", now) };
         assistant.reading_mut().answer(answer);
         assistant.tell(String::new());
         let undo = self.actions.hint("undo", "undoes it");

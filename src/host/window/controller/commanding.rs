@@ -22,7 +22,7 @@ impl FlightController {
         });
         if !is_finite {
             // It would not be read back from a recording.
-            self.say(format!("{}: a number of it is not finite", name_of(&command)), now);
+            self.say(format!("{}: one of its numbers is not finite", name_of(&command)), now);
             return;
         }
         match command {

@@ -151,7 +151,7 @@ impl FlightController {
         // If it does not fit, it stops at the last position that did and looks from there.
         let fits = self.flight.act(go_to(pose)).is_ok();
         if !fits {
-            self.say("as near as the camera fits", now);
+            self.say("as near as the camera can get", now);
         }
         if !fits || over {
             self.travel = None;

@@ -73,7 +73,7 @@ impl FlightController {
                     Onward::Same(_) if arrived => {
                         format!("the lumen has {all} now{}", self.actions.hint("next", "flies to the next"))
                     }
-                    Onward::Same(_) => format!("the lumen has {all} now; the flight goes on in its segment"),
+                    Onward::Same(_) => format!("the lumen has {all} now; the flight continues in its segment"),
                     Onward::Changed(_) => {
                         format!("the flown gas has changed: starting again in the {here}")
                     }

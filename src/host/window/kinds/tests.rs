@@ -231,7 +231,7 @@ fn changes_are_undone_in_the_order_in_which_they_were_made() {
         thread::sleep(Duration::from_millis(2));
     }
     perform(&mut c, "candidate-yes", now);
-    assert!(c.hud(now).message.unwrap().contains("no candidate is chosen"));
+    assert!(c.hud(now).message.unwrap().contains("no candidate is selected"));
     let (place, _) = no_colon(&c);
     c.slice(SliceInput::Click(place), now);
     wish(&mut c, Intent::Select(0), now);

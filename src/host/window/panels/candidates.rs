@@ -54,7 +54,7 @@ impl Panel for CandidatesPanel {
     fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
         let Some(assistant) = context.assistant() else {
             // To show the panel is to ask for the list.
-            ui.label("Looks for polyps in the whole colon while the flight goes on.");
+            ui.label("Searches the whole colon for polyps while the flight continues.");
             ui.label(RichText::new(CAUTION).color(SOFT));
             requests.ask(Intent::Search);
             return;
@@ -66,7 +66,7 @@ impl Panel for CandidatesPanel {
                 let share = share.filter(|s| *s < 1.0);
                 let percent = share.map_or_else(String::new, |s| format!("  {:.0} %", 100.0 * s));
                 ui.label(format!("{stage} ...{percent}"));
-                ui.label(RichText::new("The flight goes on meanwhile.").color(SOFT));
+                ui.label(RichText::new("The flight continues meanwhile.").color(SOFT));
                 ui.label(RichText::new(CAUTION).color(SOFT));
                 if ui.button("Cancel").clicked() {
                     requests.ask(Intent::CancelSearch);
@@ -299,7 +299,7 @@ fn lesion(measured: &Measured, ui: &mut Ui, requests: &mut Requests) {
     let (l, form) = (&m.lesion, m.form.name());
     ui.label(format!("{:.1} mm wide, {:.1} mm high, {:.0} mm³, {form}", l.diameter_mm, l.height_mm, l.volume_mm3));
     let [mean, sd] = ["hu_mean", "hu_sd"].map(|name| l.feature(name));
-    ui.label(format!("{mean:.0} ± {sd:.0} HU inside; confidence in the measures {:.2}", m.confidence));
+    ui.label(format!("{mean:.0} ± {sd:.0} HU inside; confidence in the measurements {:.2}", m.confidence));
     if !m.why.is_empty() {
         ui.label(RichText::new(m.why.join("; ")).color(SOFT));
     }

@@ -38,8 +38,7 @@ impl Panel for MissedPanel {
             None => {}
         }
         let Some(coverage) = coverage else {
-            let told =
-                "Watches from then on, and from the views until then, which parts of the wall were in the picture.";
+            let told = "Measures which parts of the wall have been in the picture, from the start of the flight.";
             ui.label(RichText::new(told).color(SOFT));
             return;
         };
@@ -52,13 +51,13 @@ impl Panel for MissedPanel {
                 (Some(_), Some(_)) => "Stop on the way",
             };
             context.button(ui, text, "review", requests);
-            if ui.button("List again").on_hover_text("the patches that are not seen until now").clicked() {
+            if ui.button("List again").on_hover_text("the patches not seen so far").clicked() {
                 requests.ask(Intent::ListMissed);
             }
         });
         let Some(list) = seen.list() else { return };
         let cm2: f64 = list.iter().map(|m| m.area_mm2 / 100.0).sum();
-        ui.label(RichText::new(format!("{} patches from 3 cm² upwards, {cm2:.0} cm²", list.len())).color(SOFT));
+        ui.label(RichText::new(format!("{} patches of 3 cm² or more, {cm2:.0} cm²", list.len())).color(SOFT));
         let here = seen.count_here(context.flight);
         if here < list.len() {
             let next = context.actions.hint("next", "flies to the next");

@@ -1,4 +1,4 @@
-//! Detail that follows the need (the paper's plan of detail relative to speed).
+//! Adaptive detail (the paper's plan of detail relative to speed).
 //!
 //! **In motion** a picture is traced at part of its resolution and stretched, as finely as its budget of samples and
 //! its image flow allow (`level`, `flow`). The cost of earlier pictures predicts that of the next.

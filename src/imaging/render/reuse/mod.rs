@@ -76,7 +76,7 @@ pub trait VoxelStorage: Send + Sync {
         frame: &mut Frame,
     ) -> Work;
 
-    /// Returns the memory besides the 16-bit voxels, by purpose.
+    /// Returns the memory in addition to the 16-bit voxels, by purpose.
     fn parts(&self) -> Vec<(MemoryPart, usize)>;
 }
 

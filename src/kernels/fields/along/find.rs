@@ -14,8 +14,8 @@ use crate::progress::Progress;
 use crate::volume::Volume;
 
 impl Lumen {
-    /// Returns the measure along this lumen, found in `volume`. The first call computes it: in the scan as it was, if its tag has been
-    /// taken out, so that both tell the same.
+    /// Returns the measure along this lumen, found in `volume`. The first call computes it: in the scan as scanned, if it was
+    /// cleansed since, so that both give the same distances.
     ///
     /// # Errors
     /// As [`Along::new`].
@@ -30,7 +30,8 @@ impl Lumen {
         Ok(Arc::clone(self.along.get_or_init(|| Arc::new(found))))
     }
 
-    /// Takes the measure along the lumen of the scan as it was, so that both tell the same, if it has been computed.
+    /// Takes over the measure along the lumen of the scan as scanned, if it has been computed, so that both give the same
+    /// distances.
     #[doc(hidden)]
     pub fn keep_along(&self, before: &Self) {
         if let Some(along) = before.along.get() {
@@ -40,7 +41,7 @@ impl Lumen {
 }
 
 impl AsScanned {
-    /// Returns the measure, given the scan without tag.
+    /// Returns the measure, given the cleansed scan.
     fn along(&self, volume: &Volume, progress: &Progress) -> Result<Arc<Along>> {
         if let Some(known) = self.lumen.as_ref().and_then(|l| l.along.get().cloned()) {
             return Ok(known);

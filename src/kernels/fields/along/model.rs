@@ -28,16 +28,16 @@ pub struct AlongColon {
 }
 
 impl AlongColon {
-    /// Returns the place in words, as lists tell it: "descending, 840 mm", the part of the colon and the distance from the rectum, in
-    /// steps of 10 mm. Where the line is a guess it is "about 840 mm". If the parts are not known, the segment takes their place,
-    /// numbered from 0 as in files, and the distance is that from its end nearer to the rectum.
+    /// Returns the place in words, as lists show it: "descending, 840 mm", the part of the colon and the distance from the rectum,
+    /// in steps of 10 mm. Where the line is a guess it is "about 840 mm". If the parts are not known, the segment takes their
+    /// place, numbered from 0 as in files, and the distance is that from its end nearer to the rectum.
     pub fn text(&self) -> String {
         let part = self.part.map_or_else(|| format!("segment {}", self.segment), str::to_owned);
         let about = if self.is_guessed { "about " } else { "" };
         format!("{part}, {about}{:.0} mm", (self.mm / STEP_MM).round() * STEP_MM)
     }
 
-    /// Returns what [`AlongColon::text`] tells, and from where: "descending, 840 mm from the rectum".
+    /// Returns [`AlongColon::text`] with the origin of the distance: "descending, 840 mm from the rectum".
     pub fn full_text(&self) -> String {
         let from = if self.part.is_some() { "the rectum" } else { "its end nearer to the rectum" };
         format!("{} from {from}", self.text())

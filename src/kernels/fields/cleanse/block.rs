@@ -141,7 +141,7 @@ impl Block {
         near
     }
 
-    /// Returns the values of the scan, HU. Beyond the scan its outermost values go on.
+    /// Returns the values of the scan, HU. Beyond the scan its outermost values are repeated.
     pub(super) fn load(&self, volume: &Volume) -> Vec<f32> {
         let (dims, data) = (volume.grid().dims(), volume.data());
         let within = |n: i64, a: usize| n.clamp(0, dims[a] as i64 - 1) as usize;
@@ -191,7 +191,7 @@ impl Block {
     }
 
     /// Blurs by Gaussians of standard deviations `sigma` (voxels), one axis after the other. Beyond the box its outermost values
-    /// go on.
+    /// are repeated.
     pub(super) fn blur(&self, values: &mut Vec<f32>, sigma: [f64; 3]) {
         let [nx, ny, nz] = self.dims;
         let strides = self.strides();

@@ -175,7 +175,7 @@ impl Changes {
             }
         }
         for (voxels, values) in self.runs() {
-            // A run may go on in the next row.
+            // A run may continue in the next row.
             let mut from = voxels.start;
             while from < voxels.end {
                 let (row, i) = (from / nx, from % nx);

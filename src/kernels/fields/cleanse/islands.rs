@@ -11,10 +11,10 @@ use crate::volume::Volume;
 
 /// Values above this are not gas, HU.
 const TISSUE_HU: i16 = -700;
-/// A larger piece is left: it may be tissue after all, mm³.
+/// Maximum volume of a piece that is cleared, mm³: a larger one may be tissue after all.
 const MOST_MM3: f64 = 60.0;
 
-/// Turns pieces of what is left that hang together with nothing else into gas. `bits` are overwritten.
+/// Turns remaining pieces that are connected to nothing else into gas. `bits` are overwritten.
 pub(super) fn clear(volume: &Volume, changes: &mut Changes, mut bits: Bits, progress: &Progress) -> Result<()> {
     let grid = volume.grid();
     let [nx, ny, nz] = grid.dims();

@@ -12,7 +12,7 @@ pub(super) const SAMPLES: usize = 15;
 /// … and their places, σ.
 const FROM: f32 = -3.6;
 const STEP: f32 = 0.6;
-/// Boundaries are sought between these, σ: beyond them they do not show.
+/// Range in which boundaries are searched for, σ: beyond it they are not visible.
 const NEAREST: f32 = -5.5;
 const FARTHEST: f32 = 7.5;
 /// Standard deviation of the weights of a fit, σ, and of those that assess it.
@@ -42,7 +42,7 @@ pub(super) struct Layer {
     pub wall: f32,
     /// How bright its tag is, HU.
     pub tag: f32,
-    /// Root mean square of what is not explained, HU.
+    /// Root mean square residual of the fit, HU.
     pub rest: f32,
 }
 
@@ -51,7 +51,7 @@ pub(super) fn place(n: usize) -> f32 {
     FROM + STEP * n as f32
 }
 
-/// Fits layers. It holds what all fits share.
+/// Fits layers. Holds the data that all fits share.
 #[derive(Clone, Debug)]
 pub(super) struct Fitter {
     pub phi: Phi,
@@ -84,14 +84,14 @@ impl Fitter {
         let (mut a, first) = match begin {
             Some(n) => (crossing(n, middle), n + 1),
             None if centre >= middle => (NEAREST, 0),
-            // Nothing but gas.
+            // Only gas.
             None => return Layer { gas_end: FARTHEST, wall: FARTHEST, tag, rest: 0.0 },
         };
         // The brightest beyond it, before any gas, and where values have fallen half-way from there to tissue.
         let end = (first..SAMPLES).find(|&n| values[n] < middle - 200.0).unwrap_or(SAMPLES);
         let brightest = (first..end).max_by(|&m, &n| values[m].total_cmp(&values[n])).unwrap_or(first);
         let peak = values[brightest];
-        // Gas on both sides: a film on a thin wall, or on which of its sides, cannot be told.
+        // Gas on both sides: it cannot be determined whether this is a film on a thin wall, or on which side.
         let last = if end < SAMPLES && !is_within { crossing_down(end, middle) } else { FARTHEST + WALL };
         if last - a < SLAB || last <= FARTHEST && peak < tissue + THIN * (tag - tissue) {
             return Layer { gas_end: a, wall: a, tag, rest: 0.0 };
@@ -108,7 +108,7 @@ impl Fitter {
         // Tag is patchy: where the layer is wide, it is as bright as it looks.
         let wide = ((b - a - 4.0) / 2.0).clamp(0.0, 1.0);
         let tag = tag + (peak.max(tissue + 0.5 * (tag - tissue).min(100.0)) - tag) * wide;
-        // What lies beyond gas of another place, or far beyond the wall, is not asked.
+        // Samples beyond gas of another place, or far beyond the wall, are not used.
         let until = end.min(SAMPLES);
         let from = match begin {
             Some(n) => (0..=n).rev().find(|&m| values[m] > middle).map_or(0, |m| m + 1),

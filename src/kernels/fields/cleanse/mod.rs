@@ -1,9 +1,9 @@
 //! Electronic cleansing: the scan with the colon's tagged fluid replaced by gas and the wall beneath restored.
 //!
-//! A voxel holds three materials: tissue, and gas or tag in the lumen. Pools of fluid have a level that is a plane, which predicts what gas
-//! and tag alone would show; the rest of a voxel is tissue (`pool`). Films and stool are layers on the wall (`residue`, `layer`); what
-//! cannot be told from a thin wall stays. What changes is kept as [`Changes`]: the scan stays as it is, or exchanges its values with
-//! them. Values farther than 5 mm from what was taken stay as they are.
+//! A voxel holds three materials: tissue, and gas or tag in the lumen. The level of a pool of fluid is a plane, which predicts what
+//! gas and tag alone would show; the rest of a voxel is tissue (`pool`). Films and stool are layers on the wall (`residue`,
+//! `layer`); what cannot be distinguished from a thin wall stays. The changes are kept as [`Changes`]: the scan stays as it is, or
+//! exchanges its values with them. Values farther than 5 mm from the removed tag stay as they are.
 //!
 //! No value depends on the number of threads: the scan is worked on in bricks, each by itself.
 
@@ -36,7 +36,7 @@ const WALL_HU: i16 = -650;
 const FREE_HU: i16 = -690;
 const SOLID_HU: i16 = -610;
 
-/// What is known of the scanner.
+/// Estimated properties of the scanner.
 #[derive(Clone, Copy, Debug)]
 struct Scanner {
     /// Standard deviation of its blur, mm.
@@ -45,13 +45,13 @@ struct Scanner {
     gas_hu: f32,
 }
 
-/// Takes the tag out of a lumen.
+/// Cleanses a lumen: replaces its tag by gas and restores the wall beneath.
 ///
 /// # Errors
 /// Returns status 4 if interrupted.
 pub fn cleanse(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Cleansed> {
     let (mut made, pools, scanner) = pools_of(volume, lumen, progress)?;
-    // Whatever is bright where a pool was is the pool's.
+    // Whatever is bright where a pool was belongs to the pool.
     let mut taken = residue::Bits::new(volume.grid().len());
     pools.runs().for_each(|(voxels, _)| taken.fill(voxels));
     let ml: f64 = made.pools.iter().map(|p| p.ml).sum();
@@ -68,9 +68,10 @@ pub fn cleanse(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Cl
     Ok(made)
 }
 
-/// Takes only pools out of a lumen, and keeps every wall and every way of the scan: fluid becomes gas throughout, and whatever else was
-/// no gas stays wall, with the values that were found where it lies under fluid. A wall thinner than the scanner's blur may have none
-/// of its brightness left between gas and fluid: what is shown may then have a hole there, and what is flown may not.
+/// Removes only the pools of a lumen, for a flight. Every wall and every passage of the scan stays: fluid becomes gas throughout,
+/// and everything else that was not gas stays wall, with the restored values where it lies under fluid. A wall thinner than the
+/// scanner's blur may have none of its brightness left between gas and fluid: the scan on display may then have a hole there, the
+/// scan to fly must not.
 ///
 /// # Errors
 /// Returns status 4 if interrupted.
@@ -103,7 +104,7 @@ pub fn to_fly(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Cle
     Ok(made)
 }
 
-/// Takes the pools out. Returns what is known then, the new values, and the scanner.
+/// Removes the pools. Returns the result so far, the new values, and the scanner.
 fn pools_of(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<(Cleansed, Changes, Scanner)> {
     progress.check()?;
     let split = pools::split(volume.grid(), lumen, progress)?;
@@ -151,7 +152,7 @@ fn summed(left: impl Iterator<Item = Left>) -> Vec<Left> {
     out
 }
 
-/// Keeps the ends of a scan's segments in the lumen without tag, if their order from rectum to cecum was known. Where the fluid was,
+/// Keeps the ends of a scan's segments in the cleansed lumen, if their order from rectum to cecum was known. Where the fluid was,
 /// the lumen may lead on into bowel beyond them, which is not flown.
 #[doc(hidden)]
 pub fn keep_ends(cleansed: &mut Lumen, before: &Lumen) {

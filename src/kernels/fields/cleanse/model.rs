@@ -1,4 +1,4 @@
-//! What cleansing takes out of a colon, and what it leaves.
+//! The result of cleansing: what was removed from a colon, and what remains.
 
 use std::fmt;
 
@@ -6,29 +6,29 @@ use glam::DVec3;
 
 use super::changes::Changes;
 
-/// A scan's colon without tag.
+/// The result of cleansing a scan.
 #[derive(Clone, Debug, Default)]
 pub struct Cleansed {
-    /// The values around what was taken out; some are as they were.
+    /// The new values in and around the removed tag; some are unchanged.
     pub changes: Changes,
-    /// The pools that were taken out.
+    /// The pools that were removed.
     pub pools: Vec<CleansedPool>,
-    /// Volume of the films and the stool that were taken out, ml.
+    /// Volume of the films and the stool that were removed, ml.
     pub residue_ml: f64,
-    /// Volume of all tag that was taken out, ml.
+    /// Volume of all tag that was removed, ml.
     pub replaced_ml: f64,
-    /// Tag that was left.
+    /// Tag that remains.
     pub left: Vec<Left>,
     /// Standard deviation of the scan's blur, mm; 0 without tagged fluid, where it is not used.
     pub blur_mm: f64,
 }
 
-/// Tag that was not taken out.
+/// Tag that was not removed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Left {
     /// Volume, ml.
     pub ml: f64,
-    /// Why.
+    /// The reason.
     pub why: &'static str,
 }
 
@@ -48,7 +48,7 @@ impl fmt::Display for Cleansed {
     }
 }
 
-/// A pool that was taken out.
+/// A pool that was removed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CleansedPool {
     /// Volume of the fluid, ml.

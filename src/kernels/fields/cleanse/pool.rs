@@ -35,15 +35,15 @@ use crate::volume::Volume;
 const NEIGHBOURHOOD_MM: f64 = 0.6;
 /// How far from fluid values are replaced along each axis, mm: less than 5 mm along a diagonal.
 const REACH_MM: f64 = 2.85;
-/// The least contrast of tag, HU.
+/// Minimum contrast of tag, HU.
 const CONTRAST: f32 = 100.0;
 /// Values of tissue beside tag, brightened by it or not, HU.
 const TISSUES: std::ops::RangeInclusive<f32> = -20.0..=220.0;
 /// Values of gas, HU.
 const GASES: std::ops::RangeInclusive<f32> = -1100.0..=-820.0;
-/// No margin of a block is wider, voxels, so that its rows are words.
+/// Maximum margin of a block, voxels, so that its rows fit into words.
 const MARGIN: usize = (Mask::ROW - 32) / 2;
-/// Noise and texture, HU: what is brighter than tissue by no more may be tissue.
+/// Noise and texture, HU: values that exceed tissue by no more than this may be tissue.
 const TEXTURE: f32 = 80.0;
 /// A wall between one part of the lumen and another that is thinner than this stays wall, mm: between fluid and gas it may have none of
 /// its brightness left. So it is below this depth, σ; at a level, gas and fluid are the lumen's two sides everywhere.
@@ -51,11 +51,11 @@ const SLAB_MM: f64 = 3.0;
 const DEEP: f32 = 3.5;
 /// Deviation above which a column does not belong to a level, mm.
 const LEVEL_MM: f64 = 0.7;
-/// Fewer voxels of nothing but tag do not say how bright it is.
+/// Minimum number of pure tag voxels for an estimate of its brightness.
 const PURE: f64 = 60.0;
 /// Fluid this far above a level, σ, does not count as fluid that climbs the wall.
 const RAISED: f32 = 2.5;
-/// How much a level holds to the grid's axis: the spread (voxels²) at which half of its slope is trusted.
+/// How strongly a level is drawn to the grid's axis: the spread (voxels²) at which half of its slope is trusted.
 const HOLD: f64 = 4.0;
 
 /// A run of voxels: j, k and the range of i.
@@ -67,7 +67,7 @@ pub(super) struct Fluid {
     pub runs: Vec<Place>,
 }
 
-/// What is known of a pool.
+/// Estimated properties of a pool.
 #[derive(Clone)]
 struct Pool {
     label: u32,
@@ -81,16 +81,16 @@ struct Pool {
     blur_mm: f64,
     gas: CellMeans,
     tag: CellMeans,
-    /// Number of voxels of nothing but tag.
+    /// Number of pure tag voxels.
     pure: f64,
     tissue: CellMeans,
 }
 
-/// Why a pool was not taken out.
+/// Reasons why a pool was not removed.
 pub(super) const FAINT: &str = "hardly brighter than tissue";
 pub(super) const NO_LEVEL: &str = "no level under gas";
 
-/// The pools of a scan: which were taken out, the new values, and what was left.
+/// The pools of a scan: those that were removed, the new values, and what remains.
 #[derive(Default)]
 pub(super) struct Pools {
     pub taken: Vec<CleansedPool>,
@@ -98,7 +98,7 @@ pub(super) struct Pools {
     pub left: Vec<Left>,
 }
 
-/// Takes out all pools.
+/// Removes all pools.
 pub(super) fn cleanse(
     volume: &Volume,
     lumen: &Lumen,
@@ -120,7 +120,7 @@ pub(super) fn cleanse(
             }
         }
     }
-    // In a narrow pool no voxel is nothing but tag: it is as bright as the others, as far as it shows.
+    // A narrow pool has no pure tag voxel: assume the brightness of the others, as far as it is visible.
     let sure = || found.iter().flatten().filter(|(pool, _)| pool.pure >= PURE);
     let all = sure().map(|(_, found)| found.ml).sum::<f64>();
     let usual = sure().map(|(_, found)| found.ml * found.tag_hu).sum::<f64>() / all;
@@ -185,7 +185,7 @@ fn reach(volume: &Volume) -> [usize; 3] {
 /// The top of a column of fluid: its voxel, and the values along it from four voxels above to six below, HU.
 type Column = ([i64; 3], [f32; 11]);
 
-/// What is added up over a brick.
+/// Sums over a brick.
 #[derive(Default)]
 struct Sums {
     /// By cell: sum and count of gas, of pure tag, and of tissue beside it.
@@ -389,7 +389,7 @@ fn level(columns: &[Column], down: AxisDirection, [gas, tag]: [f32; 2], spacing:
     Some(Level { normal, offset: offset - slope[0] * middle[0] - slope[1] * middle[1], blur_mm })
 }
 
-/// What all bricks share.
+/// The data that all bricks share.
 struct Shared<'a> {
     volume: &'a Volume,
     lumen: &'a Lumen,

@@ -1,7 +1,7 @@
 //! Which fluid belongs to which level.
 //!
-//! Fluid that hangs together may have several levels: gas above each part has its own pressure, as in a siphon. Each level is
-//! a set of adjacent tops of columns under gas, and fluid belongs to the level from which the way to it is shortest.
+//! Connected fluid may have several levels: gas above each part has its own pressure, as in a siphon. Each level is a set of
+//! adjacent tops of columns under gas, and fluid belongs to the level to which its path is shortest.
 
 use std::collections::VecDeque;
 
@@ -15,7 +15,7 @@ use crate::volume::Grid;
 
 /// Gas is at most this many voxels above the top of fluid: the lumen leaves out what is blurred.
 const GAP: i64 = 3;
-/// A level has at least so many columns.
+/// Minimum number of columns of a level.
 const COLUMNS: usize = 12;
 
 /// Fluid by level.

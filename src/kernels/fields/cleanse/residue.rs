@@ -1,7 +1,8 @@
 //! Films and stool: tag that clings to the wall above any level.
 //!
-//! It is what is bright, begins right at the colon's gas without tissue between, and does not go on into bone or other bowel. Around it
-//! each voxel is seen along the normal of the gas, and [`layer`](super::layer) finds where gas ends and tissue begins there.
+//! Residue is bright, begins right at the colon's gas without tissue between, and does not continue into bone or other bowel.
+//! Around it, each voxel is examined along the normal of the gas, and [`layer`](super::layer) finds where gas ends and tissue
+//! begins there.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
@@ -22,34 +23,35 @@ use crate::fields::lumen::runs::{Rows, Run};
 use crate::progress::Progress;
 use crate::volume::Volume;
 
-/// Nothing darker counts as tagged, HU: above muscle, organs and most vessels.
+/// Minimum value of tag, HU: above muscle, organs and most vessels.
 const BRIGHT: i16 = 180;
-/// Tag begins at most this many σ from gas: farther away a wall would be between them.
+/// Maximum distance of tag from gas, σ: farther away, a wall would lie between them.
 const EDGE: f64 = 3.4;
-/// It reaches at most this far from there, mm.
+/// Maximum extent of residue from there, mm.
 const FAR_MM: f64 = 18.0;
-/// A piece with more of its voxels this far is something else that touches the colon.
+/// Maximum share of the voxels of a piece at that distance: with more, it is something else that touches the colon.
 const FAR_SHARE: f64 = 0.1;
 /// Volume of the largest piece, ml, and of the smallest, mm³: anything less is noise.
 const MOST_ML: f64 = 20.0;
 const LEAST_MM3: f64 = 4.0;
-/// The brightest fifth of a piece is brighter than this in the mean, HU: walls with contrast agent, and noise, are not.
+/// Minimum mean value of the brightest fifth of a piece, HU: walls with contrast agent, and noise, stay below.
 const SURE_HU: f64 = 250.0;
-/// A fainter piece is tag, too, above this, if this share of its voxels is inside: noise is never as solid.
+/// A fainter piece above this value is tag, too, if this share of its voxels is inside: noise is never as solid.
 const LIKELY_HU: f64 = 222.0;
 const SOLID_SHARE: f64 = 0.02;
-/// How far from it values are looked at along each axis, mm (less than 5 mm along a diagonal), and how far they are replaced: an edge
-/// of tag is never wider.
+/// Distance from residue up to which values are examined along each axis, mm (less than 5 mm along a diagonal), and up to which
+/// they are replaced: an edge of tag is never wider.
 const REACH_MM: f64 = 2.85;
 const CLOSE_MM: f64 = 1.35;
 /// Standard deviation of the blur of the field whose gradient is the normal, mm.
 const NORMAL_MM: f64 = 0.7;
-/// A layer thinner than the first is left as it is, one thicker than the second is taken out, σ.
+/// Thickness below which a layer is left, and above which it is removed, σ.
 const THIN: [f32; 2] = [0.12, 0.4];
-/// Root mean square of what a layer does not explain, as a share of the tag's contrast and HU: beyond it a fit is unsure.
+/// Root mean square residual of a layer's fit beyond which the fit is unsure: a share of the tag's contrast, and HU.
 const UNSURE: f32 = 0.12;
 const UNSURE_HU: f32 = 60.0;
-/// What is brighter than tissue by less than the first may be tissue, by more than the second it is tag, however unsure, HU.
+/// A voxel that exceeds tissue by less than the first may be tissue; by more than the second, it is tag, however unsure the fit,
+/// HU.
 const BRIGHTER: [f32; 2] = [100.0, 300.0];
 /// Where nothing is as bright as this share of the tag in pools, it is wall with contrast agent, or brightened by tag beside it; and in a
 /// scan without pools, HU.
@@ -61,15 +63,15 @@ const GAS_MOST: f32 = -820.0;
 /// Tag is clearly brighter than tissue by this share of its contrast, and HU.
 const CLEAR: f32 = 0.3;
 const CLEAR_HU: f32 = 110.0;
-/// Darker than this is no tissue, but an edge of gas, HU.
+/// Minimum value of tissue, HU: anything darker is an edge of gas.
 const DARK: f32 = -150.0;
-/// What is thinner between gas and gas of the colon may be a wall with a film on it, mm.
+/// Thickness between gas and gas below which something may be a wall with a film on it, mm.
 const SLAB_MM: f64 = 7.0;
-/// What lies in tag within this of it to both sides is a bubble or its skin, mm.
+/// Maximum distance to tag on both sides at which something is a bubble in tag, or the skin of one, mm.
 const GAP_MM: f64 = 1.5;
-/// Why it was left.
+/// Reason why residue was left.
 const FAINT: &str = "hardly brighter than a wall with contrast agent";
-/// No margin of a block is wider, voxels, so that its rows are words.
+/// Maximum margin of a block, voxels, so that its rows fit into words.
 const MARGIN: usize = (Mask::ROW - 32) / 2;
 
 /// A bit for each voxel of a grid.
@@ -385,7 +387,7 @@ impl Shared<'_> {
         for from in (0..block.len()).step_by(block.dims[0]) {
             self.tag.row(block.voxel(from), &mut tag[from..from + block.dims[0]]);
         }
-        // Only what is clearly tag is taken, with its edges: one of tissue is steep, one of gas half as steep.
+        // Only what is clearly tag is removed, with its edges: one towards tissue is steep, one towards gas half as steep.
         let mut clear = piece;
         clear.keep(|n| hu[n] > TISSUE + (CLEAR * (tag[n] - TISSUE)).max(CLEAR_HU));
         let (beside, around) = (clear.dilated([1; 3]), clear.dilated(self.close));
@@ -411,7 +413,7 @@ impl Shared<'_> {
             let slope = DVec3::from_array(
                 [0, 1, 2].map(|a| f64::from(field[n + strides[a]] - field[n - strides[a]]) / (2.0 * spacing[a])),
             );
-            // What is left may turn out to hang together with nothing.
+            // What is left may turn out to be connected to nothing.
             let is_close = if hu[n] > DARK { beside.has(n) } else { around.has(n) };
             let Some(normal) = slope.try_normalize().filter(|_| is_close) else {
                 return looked_at.push((index, hu[n] as i16));
@@ -425,10 +427,10 @@ impl Shared<'_> {
             let gas = if darkest < GAS_MOST { darkest.max(GAS_LEAST) } else { self.gas };
             let materials = Materials { gas, tag: tag[n].max(TISSUE + 100.0), tissue: TISSUE };
             let found = self.fitter.fit(&line, materials, enclosed.has(n));
-            // What is no layer is left where it may be tissue.
+            // If the fit finds no layer, the voxel is left where it may be tissue.
             let unsure = found.rest / (UNSURE * (materials.tag - TISSUE)).max(UNSURE_HU);
             let sure = if enclosed.has(n) { 1.0 } else { 1.0 - step(1.0, 1.5, unsure) };
-            // What is clearly brighter than tissue is a mixture of both at least.
+            // A voxel that is clearly brighter than tissue is at least a mixture of both.
             let bright = step(BRIGHTER[0], BRIGHTER[1], hu[n] - TISSUE) * (1.0 - sure);
             let share = ((materials.tag - hu[n]) / (materials.tag - TISSUE)).clamp(0.0, 1.0);
             let mixture = gas + (TISSUE - gas) * share;

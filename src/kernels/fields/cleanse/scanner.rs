@@ -7,11 +7,11 @@ use crate::fields::Lumen;
 use crate::math::normal;
 use crate::volume::Volume;
 
-/// No wall is brighter, HU.
+/// Maximum value of a wall, HU.
 const BRIGHT: f64 = 150.0;
-/// Fewer places than this say nothing.
+/// Minimum number of places for an estimate.
 const LEAST: usize = 100;
-/// No more places than this are looked at.
+/// Maximum number of places that are examined.
 const MOST: usize = 8_000;
 
 /// Returns the mean of the lumen's gas, away from walls, HU.
@@ -22,7 +22,7 @@ pub(super) fn gas_hu(volume: &Volume, lumen: &Lumen) -> f32 {
         sum += f64::from(volume.get(i64::from(r.start + r.len() / 2), j as i64, k as i64));
         count += 1;
     }
-    // Of a lumen of no width nothing is known.
+    // In a lumen without width nothing can be measured: the usual value remains.
     ((sum + f64::from(GAS)) / f64::from(count + 1)).clamp(-1050.0, -800.0) as f32
 }
 

@@ -9,7 +9,7 @@ use crate::fields::lumen::residue::LINES;
 #[derive(Clone, Debug)]
 pub(super) struct Slabs {
     lines: Vec<Line>,
-    /// So thick it may be, mm.
+    /// Maximum thickness, mm.
     mm: f64,
 }
 
@@ -42,7 +42,7 @@ struct Line {
     step: [i64; 3],
     /// Length of a step, mm.
     mm: f64,
-    /// So many steps are more than a slab is thick.
+    /// Number of steps that exceeds the thickness of a slab.
     steps: usize,
 }
 

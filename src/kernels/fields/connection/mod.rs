@@ -1,4 +1,4 @@
-//! How the colon goes on from one segment of gas to another: through gas, through fluid, or where the lumen is collapsed.
+//! How the colon continues from one segment of gas to another: through gas, through fluid, or where the lumen is collapsed.
 //!
 //! Gas that is interrupted leaves segments. Between the facing ends of two of them, the lumen is full of fluid or collapsed. The
 //! cheapest way between these ends is sought through what is there: the curve γ that minimises ∫ P(γ(s)) ds, where P, the cost of

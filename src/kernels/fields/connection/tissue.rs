@@ -59,7 +59,7 @@ enum Block {
     Lumen,
     /// Other gas of the colon, and gas that is not colon.
     Closed,
-    /// Anything else, with the mean value, HU, of what is no lumen.
+    /// Anything else, with the mean value, HU, of what is not lumen.
     Tissue(f32),
 }
 

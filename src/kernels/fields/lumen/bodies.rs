@@ -56,7 +56,7 @@ pub(super) struct Bodies {
     pub fluid: Rows,
     /// Voxels of septa (see [`Lumen::septa`]).
     pub septa: Vec<usize>,
-    /// The direction of gravity, if levels of fluid tell it.
+    /// The direction of gravity, if levels of fluid show it.
     pub down: Option<AxisDirection>,
 }
 
@@ -126,7 +126,7 @@ impl Bodies {
         self.segments.iter().map(|s| s.bounds_mm[0].z).fold(f64::INFINITY, f64::min)
     }
 
-    /// Returns what the ordering needs of each body, with its worth, mm.
+    /// Returns the input of the ordering for each body, with its worth, mm.
     pub(super) fn links(&self, grid: &Grid, worth_mm: impl Fn(usize) -> f64) -> Vec<Link> {
         let mut fluid = farthest(grid, &self.fluid, self.segments.len());
         let link = |(n, s): (usize, &Segment)| Link {

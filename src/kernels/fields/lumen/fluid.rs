@@ -30,7 +30,7 @@ const LEVEL_MM: f64 = 6.0;
 const SURFACE_MM2: f64 = 60.0;
 /// Required ratio of level surface between the two sides to determine which way is down.
 const SURE: usize = 3;
-/// Minimum area of level surface that tells which way is down, mm².
+/// Minimum area of level surface that shows which way is down, mm².
 const TELLING_MM2: f64 = 300.0;
 /// With this area of level surface on the back or the belly, the sides are not looked at, mm².
 const AMPLE_MM2: f64 = 1500.0;
@@ -50,7 +50,7 @@ pub(super) struct Fluid {
     pub rows: Rows,
     /// For each segment, the others that share a pool with it.
     pub joined: Vec<Vec<usize>>,
-    /// The direction of gravity, if level surfaces tell it.
+    /// The direction of gravity, if level surfaces show it.
     pub down: Option<AxisDirection>,
     /// The same runs, labelled with their pool.
     pub pools: Rows,

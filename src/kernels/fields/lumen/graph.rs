@@ -152,8 +152,8 @@ impl Graph {
         Cells::of(grid, self.nodes.iter().map(|n| n.centre))
     }
 
-    /// Returns the runs that the map was made of, labelled with what `label` makes of the number of their node. Fails if cancelled,
-    /// or if there are too many runs.
+    /// Returns the runs that the map was made of, with `label` applied to the number of each one's node. Fails if cancelled, or if
+    /// there are too many runs.
     pub(crate) fn labelled(
         &self,
         cells: &Cells,

@@ -67,7 +67,7 @@ impl Others {
         let [sure, judged] = &self.rows;
         let own = slices(&lumen.gas, &lumen.fluid)?;
         let segments = lumen.segments.len() as u32;
-        // Other gas is labelled with its kind until the pieces that hang together are known.
+        // Other gas is labelled with its kind until its connected pieces are known.
         let other = slices(judged, sure)?.pick(|_, r| Some(r.label + segments));
         let all = slices(&own, &other)?;
         drop((own, other));
@@ -91,7 +91,7 @@ impl Others {
             }
         }
         let (of, count) = sets.numbered();
-        // Segments first: growth may have parted one of them, and it is one body all the same.
+        // Segments first: growth may have split one of them, but it is still one body.
         let mut bodies: Vec<GasBody> = (lumen.segments.iter())
             .map(|s| {
                 let (kind, why) =

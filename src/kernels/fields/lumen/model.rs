@@ -16,7 +16,7 @@ use crate::fields::Along;
 use crate::fields::cleanse::Cleansed;
 use crate::volume::{Grid, Volume};
 
-/// Value of a septum that was found again, HU: soft tissue.
+/// Value of a restored septum, HU: soft tissue.
 const SEPTUM_HU: i16 = 40;
 /// Minimum length of a segment to fly through, mm, unless it belongs to a colon that is known from rectum to cecum …
 const FLYABLE_MM: f64 = 250.0;
@@ -36,7 +36,7 @@ pub struct Lumen {
     pub considered: Vec<Considered>,
     /// Landmarks of the patient, if the gas was classified.
     pub landmarks: Option<Landmarks>,
-    /// How the patient lies, if levels of fluid or the table tell it.
+    /// How the patient lies, if levels of fluid or the table show it.
     pub lying: Option<Lying>,
     pub(super) grid: Grid,
     pub(super) gas: Rows,
@@ -47,17 +47,17 @@ pub struct Lumen {
     pub(super) septa: Vec<usize>,
     /// The measure along it, once something has asked for it.
     pub(in crate::fields) along: OnceLock<Arc<Along>>,
-    /// The scan in which that is measured, if its tag has been taken out since.
+    /// The scan in which that is measured, if it was cleansed since.
     pub(in crate::fields) scanned: Option<AsScanned>,
 }
 
 /// A kind that the reader gave to the gas at a place (world, mm).
 pub type Told = (DVec3, GasKind);
 
-/// A scan before its tag was taken out: the measure is that of the scan as it is in its file, whatever is shown.
+/// A scan before cleansing: distances are measured along the scan as it is in its file, whatever is shown.
 #[derive(Clone, Debug)]
 pub(in crate::fields) struct AsScanned {
-    /// What was taken out. Its changes hold the values that the scan had.
+    /// What was cleansed. Its changes hold the values that the scan had.
     pub cleansed: Arc<Cleansed>,
     /// The kinds that the reader gave to gas.
     pub told: Vec<Told>,
@@ -92,8 +92,8 @@ impl Lumen {
         }
     }
 
-    /// Measures along the scan as it was before `cleansed` was taken out, once something asks for that. `told` are the kinds that the
-    /// reader gave to gas, and `before` is the lumen of the scan as it was, if that is known.
+    /// Measures along the scan as it was before `cleansed` was removed, once something asks for that. `told` are the kinds that the
+    /// reader gave to gas, and `before` is the lumen of the scan as scanned, if that is known.
     #[doc(hidden)]
     pub fn measure_as_scanned(&mut self, cleansed: &Arc<Cleansed>, told: &[Told], before: Option<Arc<Self>>) {
         if !cleansed.changes.is_empty() {

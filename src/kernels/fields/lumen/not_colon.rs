@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::progress::Progress;
 use crate::volume::Volume;
 
-/// Finds all gas that does not belong to the colon in the scan where `lumen` was found. Small pieces are not told.
+/// Finds all gas that does not belong to the colon in the scan where `lumen` was found. Small pieces are left out.
 ///
 /// # Errors
 /// Returns an error if cancelled, or if the volume cannot be addressed.

@@ -82,7 +82,7 @@ pub(super) struct Link {
     pub ends: [DVec3; 2],
     pub length_mm: f64,
     pub joined_to: Vec<usize>,
-    /// The farthest places of its tagged fluid, world, mm: the colon goes on in there.
+    /// The farthest places of its tagged fluid, world, mm: the colon continues there.
     pub fluid: Vec<DVec3>,
     /// Worth of passing it, mm: how much longer a chain may be that does. Infinite if it must be passed.
     pub worth_mm: f64,

@@ -12,12 +12,12 @@ fn with_down(frame: Frame, down: AxisDirection) -> Option<PatientPosition> {
     sides.into_iter().find(|s| s.0 == down).map(|s| s.1)
 }
 
-/// A position with what tells it.
+/// A position with its evidence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Lying {
     /// The position.
     pub position: PatientPosition,
-    /// True if levels of fluid tell it, false if only the table does.
+    /// True if levels of fluid show it, false if only the table does.
     pub by_levels: bool,
     /// The position that the scan's header names.
     pub header: Option<PatientPosition>,
@@ -27,16 +27,16 @@ impl Lying {
     /// Describes the conflict of header and scan, if there is one.
     pub fn conflict(&self) -> Option<String> {
         let header = self.header.filter(|&h| h != self.position)?;
-        let by = if self.by_levels { "levels of fluid" } else { "the table" };
+        let by = if self.by_levels { "levels of fluid show" } else { "the table shows" };
         let found = self.position.name();
         Some(format!(
-            "the header says that the patient is {}, but {by} say {found}: left and right may be wrong",
+            "the header says that the patient is {}, but {by} {found}: left and right may be wrong",
             header.name()
         ))
     }
 }
 
-/// Returns the position that levels of fluid tell, else the one that the table tells.
+/// Returns the position that levels of fluid show, else the one that the table shows.
 pub(super) fn lying(
     frame: Frame,
     levels: Option<AxisDirection>,

@@ -1,4 +1,4 @@
-//! What thick slices, noise and thin walls between limbs do to the length of the colon's line.
+//! How thick slices, noise and thin walls between limbs change the length of the centerline.
 
 mod pages;
 mod skips;
@@ -54,7 +54,7 @@ struct Found {
     /// Where it begins and ends along the reference, mm.
     ends_mm: [f64; 2],
     skips: Vec<Skip>,
-    /// Least distance of the line from the wall, without guessed stretches, mm.
+    /// Smallest distance of the line from the wall, without guessed stretches, mm.
     narrowest_mm: Option<f64>,
     guessed_mm: f64,
     septum_voxels: usize,

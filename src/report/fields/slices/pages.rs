@@ -9,21 +9,21 @@ use crate::report::table::{Table, table};
 
 /// Writes the section. Returns the findings. Fails with status 5 if a file cannot be written.
 pub(in super::super) fn write(page: &mut Page, phantoms: &[Run], scan: &[Run]) -> Result<Vec<String>> {
-    page.section("What thick slices and noise do to the colon's length");
+    page.section("Effect of thick slices and noise on the colon's length");
     page.text(&format!(
-        "Two limbs of the colon may share a wall that is thinner than a slice. If a line passes through it, the line leaves out the \
+        "Two limbs of the colon may share a wall that is thinner than a slice. A line that passes through it skips the \
          stretch between the limbs. Each line leads from rectum to cecum, as \"colvis centerline --from rectum --to cecum\" finds it. A \
-         phantom's line is compared with the true one. One of slice thickness, noise and thickness of the wall varies at a time, from \
-         {} mm, {} HU and {} mm. A scan is averaged to thicker slices, white noise is added, and the line is compared with that of the \
-         scan as it is. A skip is a place where consecutive points of the line are nearest to points more than 40 mm apart along the \
-         line compared with; the table tells the largest one: where it begins and ends along that line, and its position (LPS). The \
-         table also tells where the whole line begins and ends along the line compared with. \
-         Segments are in order if they are said to run from rectum to cecum and do; \"wrong\" if they are said to and do not.",
+         phantom's line is compared with the true one. Slice thickness, noise and wall thickness vary one at a time, from {} mm, {} HU \
+         and {} mm. A scan is averaged to thicker slices, white noise is added, and the line is compared with that of the scan as it is. \
+         A skip is a place where consecutive points of the line are nearest to points more than 40 mm apart along the reference line. \
+         The table gives the largest skip, with its beginning and end along the reference line and its position (LPS), and the beginning \
+         and end of the whole line along the reference line. Segments are in order if they are reported to run from rectum to cecum and \
+         do; \"wrong\" if they are reported to and do not.",
         BASE.slice_mm,
         BASE.noise_hu,
         BASE.wall_mm.unwrap_or_default(),
     ));
-    let caption = "Length of the line found, in percent of the line compared with.";
+    let caption = "Length of the line found, in percent of the reference line.";
     page.plot("slice-length", &plot(phantoms, scan), caption)?;
     page.table("slices", &table(phantoms.iter().chain(scan)))?;
     let versions = scan.first().map_or(String::new(), |run| format!("versions of {}", run.volume));
@@ -59,7 +59,7 @@ pub(super) fn table<'a>(runs: impl Iterator<Item = &'a Run>) -> Table {
         "wall / mm" => (wall_mm, 1),
         "seed" => run.seed.map(|n| (n as f64, 0)),
         "length / mm" => found.map(|f| (f.length_mm, 0)),
-        "compared with / mm" => (run.reference_mm, 0),
+        "reference / mm" => (run.reference_mm, 0),
         "share / %" => (run.share(), 1),
         "begins / mm" => found.map(|f| (f.ends_mm[0], 0)),
         "ends / mm" => found.map(|f| (f.ends_mm[1], 0)),
@@ -76,7 +76,7 @@ pub(super) fn table<'a>(runs: impl Iterator<Item = &'a Run>) -> Table {
     )
 }
 
-/// Returns what the runs say, in a sentence or two; `None` if there are none.
+/// Summarises the runs in one or two sentences; `None` if there are none.
 pub(super) fn finding(subject: &str, reference: &str, runs: &[Run]) -> Option<String> {
     let range = |of: &dyn Fn(&Run) -> Option<f64>, digits: usize| {
         let values = runs.iter().filter_map(of);
@@ -110,7 +110,7 @@ pub(super) fn finding(subject: &str, reference: &str, runs: &[Run]) -> Option<St
         (failed, "without a line"),
         (not_ordered, "without an order"),
         (incomplete, "without all parts on the line"),
-        (wrong, "with segments in a wrong order"),
+        (wrong, "with segments in the wrong order"),
     ];
     let others = others.iter().filter(|o| o.0 > 0).map(|(n, what)| format!("{n} {what}")).collect::<Vec<_>>();
     if !others.is_empty() {
@@ -157,7 +157,7 @@ mod tests {
         let bad = run(found(vec![skip(50.0), skip(321.0)], "wrong"));
         let said = say(&[good, bad.clone()]);
         assert!(said.contains("1 line skips a stretch of the colon, the longest 321 mm (3 mm slices, 25 HU noise, 0.7 mm wall, seed 2)"), "{said}");
-        assert!(said.ends_with("1 with segments in a wrong order."), "{said}");
+        assert!(said.ends_with("1 with segments in the wrong order."), "{said}");
         let csv = table([&bad].into_iter()).csv();
         assert!(csv.contains(",2,998,2,321,100 to 421 mm at (0 0 0),"), "{csv}");
         assert_eq!(finding("phantoms", "the true line", &[]), None);

@@ -1,5 +1,5 @@
-//! Skipped stretches: where a line through the colon goes on at another place of the colon, as through a hole in the wall between two
-//! limbs.
+//! Skipped stretches: where a line through the colon jumps to another place of the colon, such as through a hole in the wall
+//! between two limbs.
 
 use glam::DVec3;
 

@@ -50,7 +50,7 @@ pub(crate) fn open(path: &Path, progress: &Progress) -> Result<(Folder, Vec<Stri
         return Ok((Folder::Png(png), notes));
     }
     if dicom.is_empty() && rest.len() == files.len() {
-        // A folder of which nothing can be read tells why.
+        // A folder of which nothing can be read says why.
         if let Some((_, Err(e))) = rest.iter().find(|(_, head)| head.is_err()) {
             return Err(e.clone());
         }

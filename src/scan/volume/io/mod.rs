@@ -136,7 +136,7 @@ struct Scanned {
     volume: Volume,
     /// Warnings.
     notes: Vec<String>,
-    /// Number of voxels that are no whole numbers.
+    /// Number of voxels that are not whole numbers.
     fractions: usize,
 }
 
@@ -152,9 +152,9 @@ struct Read {
 enum Units {
     /// HU, as far as the input tells.
     Hu,
-    /// The header tells nothing that makes them HU: the reason.
+    /// Nothing in the header says that they are HU: the reason.
     Doubtful(String),
-    /// No HU; the reason, if it is worth a note.
+    /// Not HU; the reason, if it is worth a note.
     Other(Option<String>),
 }
 
@@ -196,7 +196,7 @@ fn read(
         scan(path, &format, options, modality, progress).map_err(|e| with_passed(e, &passed))?;
     let mut notes = [passed, read_notes].concat();
     notes.extend(unused(&format, volume.grid(), options, modality == Modality::Any));
-    // Values that are no HU do not mean padding, nor air.
+    // If values are not HU, they indicate neither padding nor air.
     let volume = if let Units::Other(why) = units {
         notes.extend(why);
         volume

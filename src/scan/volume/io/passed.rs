@@ -129,7 +129,7 @@ pub(crate) fn pattern(path: &Path) -> String {
     out
 }
 
-/// Returns why a file that is no slice is skipped, by its first bytes and its name; `None` if it plainly accompanies the scan.
+/// Returns why a file that is not a slice is skipped, by its first bytes and its name; `None` if it plainly accompanies the scan.
 /// `like_slice` is true if its name is like those of the slices.
 pub(crate) fn kind(path: &Path, head: &[u8], like_slice: bool) -> Option<Kind> {
     // What macOS keeps beside a file that it copies (AppleDouble).

@@ -18,7 +18,7 @@ use crate::volume::Volume;
 /// Maximum side of a slice, pixels.
 const LONGEST_SIDE: u32 = 16384;
 
-/// Files of a folder that are no PNG, with their first bytes, or why these cannot be read.
+/// Files of a folder that are not PNGs, with their first bytes, or why these cannot be read.
 pub(crate) type Rest<'a> = Vec<(&'a PathBuf, Result<Vec<u8>>)>;
 
 /// Checks that no slice is missing among the `files` of a folder, and returns notes on what else is skipped. A slice that is

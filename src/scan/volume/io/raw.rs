@@ -41,7 +41,7 @@ pub(crate) enum ByteOrder {
     Big,
 }
 
-/// Numbers of voxels that are no whole numbers.
+/// Counts of voxels that are not whole numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Counts {
     /// Not finite.
@@ -98,7 +98,7 @@ impl Encoding {
         Self { element, order, slope: 1.0, intercept: 0.0 }
     }
 
-    /// Converts voxels until `out` is full and counts those that are no whole numbers. Values are rounded to the nearest HU
+    /// Converts voxels until `out` is full and counts those that are not whole numbers. Values are rounded to the nearest HU
     /// (halves away from zero) and clamped to `i16`; values that are not finite become [`AIR_HU`].
     pub(crate) fn convert(&self, bytes: &[u8], out: &mut [i16]) -> Counts {
         let size = self.element.size();

@@ -1,4 +1,4 @@
-//! What a slice is, told by the first bytes of its file.
+//! The format of a slice, recognised by the first bytes of its file.
 
 /// Number of bytes at the start of a file by which its format is recognised.
 pub(crate) const HEAD: u64 = 512;

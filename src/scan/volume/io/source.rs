@@ -134,7 +134,7 @@ enum Size {
 }
 
 impl Section {
-    /// Reads `count` voxels and returns them counts those that are no whole numbers.
+    /// Reads `count` voxels. Returns them with the counts of those that are not whole numbers.
     ///
     /// The header's `count` is checked against the file's size before anything of that size is allocated. The check is exact for
     /// raw data and uses deflate's limit for packed data, where memory then grows with the data that arrives. Fails with status 3

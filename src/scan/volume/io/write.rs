@@ -36,7 +36,7 @@ pub(super) fn format(path: &Path) -> Result<Format> {
         .ok_or_else(|| {
             Error::usage(
                 path.display().to_string(),
-                "its ending does not name a format that can be written",
+                "its extension does not name a format that can be written",
                 "end it in .nii, .nii.gz, .mha, .mhd, .nrrd or .nhdr",
             )
         })

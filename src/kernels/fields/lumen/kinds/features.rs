@@ -1,4 +1,4 @@
-//! What is measured of a body of gas to tell its kind.
+//! Measurements of a body of gas from which its kind is derived.
 
 use super::landmarks::Landmarks;
 use crate::fields::lumen::Segment;

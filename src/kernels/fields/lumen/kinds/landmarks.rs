@@ -50,7 +50,7 @@ pub struct Landmarks {
     pub pelvis: Option<f64>,
     /// Share of the slices that pass through the chest.
     pub chest: f64,
-    /// The position that the table tells.
+    /// The position that the table shows.
     pub table: Option<PatientPosition>,
     /// z of the slices and the share of lung in each, upwards.
     lung: Vec<(f64, f64)>,
@@ -252,7 +252,7 @@ impl Landmarks {
     }
 }
 
-/// Returns the position that the table tells: most of what lies around the body lies on one side of it.
+/// Returns the position that the table shows: most of what lies around the body lies on one side of it.
 fn table(slices: &[Slice], middle: f64, half_width: f64, depth: [f64; 2], area_mm2: f64) -> Option<PatientPosition> {
     use PatientPosition::{Left, Prone, Right, Supine};
     let mut sides = [(0usize, Supine), (0, Prone), (0, Left), (0, Right)];

@@ -72,7 +72,7 @@ impl Grown {
         }
     }
 
-    /// Returns where gas of a run is at voxel `at`. Where nothing is far away, any node nearby tells it.
+    /// Returns where gas of a run is at voxel `at`. Where nothing is far away, any nearby node will do.
     fn hop_at(&self, gas: Run, at: [usize; 3]) -> Option<Hop> {
         self.hops[gas.label as usize].or_else(|| self.places.near(at))
     }

@@ -35,10 +35,10 @@ pub(super) struct Form {
 pub(super) const EXPLICIT: Form = Form { explicit: true, order: ByteOrder::Little };
 pub(super) const IMPLICIT: Form = Form { explicit: false, order: ByteOrder::Little };
 
-/// What a file has other than the standard says, and that does not keep it from being read.
+/// Deviations of a file from the standard that do not keep it from being read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Oddities {
-    /// Names no transfer syntax; the bytes tell it.
+    /// Names no transfer syntax: it is derived from the bytes.
     pub no_syntax: bool,
     /// Has explicit elements where its transfer syntax says implicit, or the reverse.
     pub other_form: bool,
@@ -148,6 +148,6 @@ pub(crate) struct DataSet {
     pub syntax: String,
     /// The pixel data, if any.
     pub pixels: Option<PixelPlace>,
-    /// What it has other than the standard says.
+    /// Its deviations from the standard.
     pub oddities: Oddities,
 }

@@ -5,11 +5,11 @@ pub(crate) const SAME_PLACE: f64 = 1e-3;
 /// Maximum deviation of a step from the usual one: a fraction of it, and the effect of rounding both written positions to a tenth
 /// of a millimetre, mm. At most a fraction of the step.
 const UNEVEN: (f64, f64, f64) = (0.1, 0.12, 0.4);
-/// Maximum deviation where passes are to be told from gaps, as a fraction of the usual step.
+/// Maximum deviation when passes are distinguished from gaps, as a fraction of the usual step.
 const TIGHT: f64 = 0.25;
-/// Least number of slices of a pass that only its spacing tells.
+/// Minimum number of slices of a pass that is recognised by its spacing alone.
 const LEAST_SLICES: usize = 4;
-/// Maximum number of passes that only spacing tells apart.
+/// Maximum number of passes that are distinguished by spacing alone.
 const MOST_PASSES: usize = 4;
 
 fn room(step: f64) -> f64 {

@@ -18,7 +18,7 @@ pub(super) struct Lut {
     entries: Vec<i16>,
 }
 
-/// Returns what the values of the data set's Modality LUT are; `None` without one.
+/// Returns the units of the values of the data set's Modality LUT; `None` without one.
 pub(super) fn units(root: &Item) -> Option<Units> {
     let item = root.items(SEQUENCE).first()?;
     Some(item.text(TYPE).map_or(Units::Missing, |term| Units::of("ModalityLUTType", &term)))

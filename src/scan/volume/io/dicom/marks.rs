@@ -1,4 +1,4 @@
-//! What a header says that can tell two passes under one series UID apart: acquisition, kernel, energy, phase, ….
+//! Attributes that can distinguish two passes under one series UID: acquisition, kernel, energy, phase, ….
 
 use super::dataset::{Item, Tag};
 use super::origin;
@@ -31,7 +31,7 @@ enum Form {
     Uid,
 }
 
-/// An attribute that can tell passes apart.
+/// An attribute that can distinguish passes.
 struct Attribute {
     /// Where it stands: in the data set itself, and in the functional groups of an enhanced image.
     places: &'static [(Tag, Form)],
@@ -179,7 +179,7 @@ fn clock(item: &Item, tag: Tag) -> Option<f64> {
         .filter(|t: &f64| t.is_finite())
 }
 
-/// Returns in words what tells passes apart by attribute `k`, for each of `passes`.
+/// Describes in words how attribute `k` distinguishes passes, for each of `passes`.
 pub(crate) fn words(k: usize, passes: &[&Marks]) -> Vec<String> {
     let [before, after] = ATTRIBUTES[k].words;
     let is_uid = ATTRIBUTES[k].places.iter().any(|p| p.1 == Form::Uid);

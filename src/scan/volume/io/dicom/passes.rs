@@ -12,14 +12,14 @@ use super::slice::Slice;
 use super::{even, stack};
 use crate::volume::PatientPosition;
 
-/// Maximum number of passes of a series. More are no passes but slices that differ.
+/// Maximum number of passes of a series. More are not passes but single slices that differ.
 const MOST_PASSES: usize = 64;
 /// Maximum number of attributes that split a series one after the other.
 const DEEPEST: usize = 4;
-/// Least mean number of slices of more than two passes.
+/// Minimum mean number of slices per pass if there are more than two passes.
 const LEAST_SLICES: usize = 3;
 
-/// Least gap between passes that do not overlap, as a multiple of the usual step. A smaller one is a gap of one pass.
+/// Minimum gap between passes that do not overlap, as a multiple of the usual step. A smaller one is a gap within a pass.
 const LEAST_GAP: f64 = 3.5;
 
 /// A pass of a series.
@@ -27,7 +27,7 @@ const LEAST_GAP: f64 = 3.5;
 pub(crate) struct Pass {
     /// Its slices, in the order of the files.
     pub slices: Vec<Slice>,
-    /// What tells it from the others of its series, in words; empty if it is the only one.
+    /// What distinguishes it from the others of its series, in words; empty if it is the only one.
     pub words: String,
 }
 

@@ -132,7 +132,7 @@ pub(crate) fn begins_bare(head: &[u8]) -> bool {
     meta || bare(head, 0).is_some()
 }
 
-/// Where reading goes on after damage.
+/// Where reading continues after damage.
 pub(super) struct Resumed {
     /// The next sound element.
     pub at: usize,
@@ -173,7 +173,7 @@ pub(super) fn resume(
 /// Maximum number of places of pixel data that are looked at.
 const MOST_PIXELS: usize = 64;
 
-/// Finds the next sound element from `from`, after the tag `lost` (which is lost itself if so told).
+/// Finds the next sound element from `from`, after the tag `lost` (which is lost itself if its flag is set).
 pub(super) fn scan(bytes: &[u8], from: usize, form: Form, lost: (Tag, bool), several: bool) -> Option<Resumed> {
     let mut pixels = 0;
     for at in from..bytes.len() {
@@ -226,7 +226,7 @@ fn at_if_spared(bytes: &[u8], at: usize, form: Form, lost: (Tag, bool), several:
     (!needed(lost, next, several)).then_some(Resumed { at, after: Some(lost.0) })
 }
 
-/// True if a needed element lies from the tag of `lost` (itself, if so told) to before `end`.
+/// True if a needed element lies between the tag of `lost` (included if its flag is set) and `end` (excluded).
 fn needed(lost: (Tag, bool), end: Tag, several: bool) -> bool {
     let begin = if lost.1 { lost.0 } else { next(lost.0) };
     let groups = several.then_some(GROUPS);

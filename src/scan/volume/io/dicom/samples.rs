@@ -5,7 +5,7 @@ use super::slice::{Bits, FileHead, Slice};
 use crate::volume::AIR_HU;
 use crate::volume::io::raw::{ByteOrder, Element, Encoding, to_hu};
 
-/// HU at or below which a value of padding is no tissue …
+/// HU at or below which a padding value is not tissue …
 const BELOW_TISSUE: i16 = -900;
 /// … and above which it is not: the largest value of 12 bits.
 const ABOVE_TISSUE: i16 = 3071;
@@ -121,7 +121,7 @@ impl std::iter::Sum for Padded {
 #[derive(Clone, Copy)]
 struct Padding {
     layout: Layout,
-    /// Least and greatest value, within the bits of a value.
+    /// Minimum and maximum, within the bits of a value.
     values: (i32, i32),
     /// The same of the whole words, if they do not fit into those bits. Such words are padding without doubt.
     words: Option<(i32, i32)>,
@@ -221,7 +221,7 @@ pub(super) fn floats_to_hus(slice: &Slice, bytes: &[u8], order: ByteOrder, out: 
 }
 
 /// Turns the padding that is connected with the corners of a slice of `cols` columns into air, if at least three corners hold it.
-/// Returns the number of voxels, which is at most that of padding voxels that are no air yet.
+/// Returns the number of voxels, which is at most that of padding voxels that are not air yet.
 fn flood(cols: usize, out: &mut [i16], is_padding: impl Fn(usize) -> bool) -> usize {
     let corners = [0, cols - 1, out.len() - cols, out.len() - 1];
     let mut front: Vec<usize> = corners.into_iter().filter(|at| is_padding(*at)).collect();

@@ -92,7 +92,7 @@ pub(crate) struct FileHead {
     pub has_lut: bool,
     /// True if low values are displayed bright. The meaning of the values is the same.
     pub inverted: bool,
-    /// What the file has other than the standard says.
+    /// Deviations of the file from the standard.
     pub oddities: Oddities,
 }
 
@@ -111,9 +111,9 @@ pub(crate) struct Slice {
     pub modality: String,
     /// HFS, FFP, …
     pub patient_position: Option<String>,
-    /// What its series holds, and of whom.
+    /// What its series holds, and its patient.
     pub origin: Arc<Origin>,
-    /// What can tell its pass from others of the series.
+    /// Attributes that can distinguish its pass from others of the series.
     pub marks: Arc<Marks>,
     /// World directions of increasing column index and of increasing row index.
     pub axes: Option<[DVec3; 2]>,
@@ -139,7 +139,7 @@ pub(crate) fn read(path: &Path) -> Result<Vec<Slice>> {
     match parsed(path)? {
         Ok((set, room)) => Ok(slices(path, &set, room)),
         Err((root, fault)) => {
-            // Another series can be opened all the same.
+            // Another series can still be opened.
             let known = root.text(SERIES_UID).is_some() && root.text(MODALITY).is_some();
             let set = DataSet { root, ..DataSet::default() };
             if known { Ok(vec![standing_for(path, &set, fault, true)]) } else { Err(fault) }

@@ -110,12 +110,12 @@ impl Groups {
         })
     }
 
-    /// Refuses a series that is no volume of CT, where another could be meant. Fails with status 3 and the reason.
+    /// Refuses a series that is not a CT volume, where another could be meant. Fails with status 3 and the reason.
     pub(crate) fn check(&self, input: &Path, chosen: usize, wanted: Modality) -> Result<()> {
         let s = &self.list[chosen];
         let faulty = self.slices[chosen].iter().any(|s| s.fault.is_some());
         match &s.why {
-            // The fault of a file tells more.
+            // The fault of a file says more.
             Some(why) if wanted == Modality::Ct && self.list.len() > 1 && !s.counts && !faulty => {
                 let why = format!("its series {} cannot be opened ({why})", s.number);
                 Err(Error {

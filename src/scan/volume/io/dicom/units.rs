@@ -7,7 +7,7 @@ pub(crate) enum Units {
     Hu,
     /// Nothing turns the stored values into HU.
     Missing,
-    /// A type that tells nothing: "US" (unspecified), which common writers give every image, or a term that is not defined.
+    /// An uninformative type: "US" (unspecified), which common writers give every image, or a term that is not defined.
     Unspecified(String),
     /// Something else, in words.
     Other(String),
