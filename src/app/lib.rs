@@ -8,6 +8,7 @@ pub mod catalog;
 #[doc(hidden)]
 pub mod colon;
 pub mod explain;
+pub mod findings;
 #[doc(hidden)]
 pub mod flight;
 pub(crate) mod flight_fields;

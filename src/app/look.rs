@@ -80,6 +80,21 @@ impl Subject {
         Self { middle, position, axis, long, radius_mm: 0.5 * lesion.diameter_mm }
     }
 
+    /// Returns the subject at a place of the wall, with the direction into the lumen there, of unit length, and the ends of its diameter.
+    #[doc(hidden)]
+    pub fn at(place: DVec3, axis: DVec3, ends: Option<[DVec3; 2]>) -> Self {
+        let Some([a, b]) = ends else {
+            return Self { middle: place, position: place, axis, long: across(axis), radius_mm: 6.0 };
+        };
+        let long = (b - a).reject_from_normalized(axis);
+        let long = long.try_normalize().filter(|_| long.length() > 0.2 * a.distance(b)).unwrap_or_else(|| across(axis));
+        let radius_mm = 0.5 * a.distance(b);
+        // Ends may have been dragged away from where it was marked.
+        let middle = a.midpoint(b);
+        let middle = if middle.distance(place) <= 2.0 * radius_mm.max(3.0) { middle } else { place };
+        Self { middle, position: place, axis, long, radius_mm }
+    }
+
     /// Returns its slices: axial; along the axis and across the longest diameter; along both. In the latter two the lumen is on
     /// top, and the patient's left is on the right as far as possible.
     #[doc(hidden)]
@@ -139,14 +154,19 @@ impl Looks {
     /// Returns status 2 if the subject's position is not finite.
     #[doc(hidden)]
     pub fn view(&self, subject: &Subject, side: usize) -> Result<(View, f64)> {
-        let eye = self.eye(subject);
+        let (eye, fov) = self.camera(subject);
         let forward = subject.middle - eye;
-        let mm = forward.length();
-        let across_mm = ACROSS_MM.max(2.0 * subject.radius_mm * ACROSS_DIAMETERS);
-        let fov = (2.0 * (0.5 * across_mm / mm).atan()).to_degrees().clamp(FOV[0], FOV[1]);
         let view = View::new(eye, forward, DVec3::Z, fov, side, side)?;
-        let scale = side as f64 / (2.0 * mm * (0.5 * fov).to_radians().tan());
+        let scale = side as f64 / (2.0 * forward.length() * (0.5 * fov).to_radians().tan());
         Ok((view, scale))
+    }
+
+    /// Returns where the camera of that view is, and its view angle, degrees. It looks at the subject's middle.
+    pub(crate) fn camera(&self, subject: &Subject) -> (DVec3, f64) {
+        let eye = self.eye(subject);
+        let across_mm = ACROSS_MM.max(2.0 * subject.radius_mm * ACROSS_DIAMETERS);
+        let fov = 2.0 * (0.5 * across_mm / eye.distance(subject.middle)).atan();
+        (eye, fov.to_degrees().clamp(FOV[0], FOV[1]))
     }
 
     /// Returns where the camera is.

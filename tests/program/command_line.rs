@@ -517,8 +517,8 @@ fn the_keys_of_the_window_are_printed() {
     for help in ["--help", "-h", "help"] {
         let out = colvis().args([help, "keys"]).output().unwrap();
         let page = String::from_utf8(out.stdout).unwrap();
-        assert!(out.status.success() && page.starts_with("Steer\n"), "{page}");
-        for line in ["  Space", "Ctrl+Q", "turn round and fly back", "\nCandidates\n", "\nHelp\n"] {
+        assert!(out.status.success() && page.starts_with("Findings\n  J  "), "{page}");
+        for line in ["\nSteer\n", "  Space", "Ctrl+Q", "turn round and fly back", "\nCandidates\n", "\nHelp\n"] {
             assert!(page.contains(line), "{line}: {page}");
         }
     }

@@ -72,7 +72,7 @@ pub(crate) const MENUS: &[(&str, &[&str])] = &[
         ],
     ),
     ("Slices", &["window-", "slab", "slab-kind", "slices-reset", "kinds", "kind-"]),
-    ("Measure", &["measure", "undo", "delete-last", "measure-lesion"]),
+    ("Findings", &["finding", "finding-outside", "panel-findings", "undo", "measure", "delete-last", "measure-lesion"]),
     ("Candidates", &["panel-candidates", "candidate-"]),
     ("Panels", &["layout-", "panel-"]),
     ("Help", &["help", "cancel"]),
@@ -143,6 +143,7 @@ impl Actions {
         let parts = [
             part(&["help"], "keys"),
             part(&["pause"], "pause"),
+            part(&["finding"], "finding"),
             part(&["forward", "left", "back", "right"], "steer"),
             Some("drag to look".to_owned()),
             part(&["reverse"], "turn round"),

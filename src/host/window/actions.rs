@@ -2,7 +2,7 @@
 //! are generated from it.
 
 use super::action::{Action, Actions};
-use super::intent::Intent;
+use super::intent::{FindingOf, Intent};
 use super::keys::{Chord, Hold, KeySettings};
 use super::layouts::LAYOUTS;
 use super::own_action::ActionEntry;
@@ -72,6 +72,7 @@ impl Action {
 fn table() -> Vec<Action> {
     use Intent as I;
     vec![
+        action("finding", "mark a finding: where you point, or ahead", "J", I::Finding(FindingOf::Here)),
         action("pause", "pause, resume", "Space", I::Pause),
         hold(FLY_ROW[0], "forward", "fly forward", "W Up", Hold::Forward),
         hold(FLY_ROW[0], "back", "fly back", "S Down", Hold::Back),
@@ -121,6 +122,7 @@ fn table() -> Vec<Action> {
         shared(ANSWER_ROW, "candidate-unsure", "unsure whether this is a polyp", "U Ctrl+U", I::Answer(Answer::Unsure)),
         action("candidate-marks", "mark the candidates in all views", "Ctrl+J", I::Mark),
         action("measure-lesion", "measure a lesion with one click, stop measuring", "Ctrl+M", I::MeasureLesion),
+        action("finding-outside", "mark a finding outside the colon, where you point", "Ctrl+P", I::Outside),
         action("kinds", "kinds of gas in the slices", "Ctrl+K", I::Kinds),
         shared(KIND_ROW, "kind-colon", "this gas is colon", "Ctrl+L", I::Kind(Some(GasKind::Colon))),
         shared(KIND_ROW, "kind-small-bowel", "this gas is small bowel", "Ctrl+B", I::Kind(Some(GasKind::SmallBowel))),
@@ -132,7 +134,7 @@ fn table() -> Vec<Action> {
         shared(SEEN_ROW, "unseen", "paint the wall that was not seen", "P Ctrl+E", I::Coverage),
         shared(SEEN_ROW, "missed-next", "fly to the next missed patch of the wall", "F Ctrl+F", I::NextMissed),
         shared(SEEN_ROW, "review", "review: fly past all missed patches, or end it", "V Ctrl+V", I::Review),
-        action("undo", "undo the last change to distances, answers or kinds", "Ctrl+Z", I::Undo),
+        action("undo", "undo the last change to findings, distances, answers or kinds", "Ctrl+Z", I::Undo),
         action("delete-last", "delete the last distance", "Delete", I::DeleteLast),
         action("screenshot", "screenshot of all views", "Ctrl+S", I::Screenshot),
         action("picture", "picture of the flight alone, and its pose", "F12", I::Picture),
@@ -379,12 +381,15 @@ mod tests {
     #[test]
     fn messages_name_the_keys_of_the_settings() {
         let usual = actions(&[]).unwrap();
-        assert_eq!(usual.short_help(), "H keys   Space pause   W A S D steer   drag to look   R turn round");
+        assert_eq!(
+            usual.short_help(),
+            "H keys   Space pause   J finding   W A S D steer   drag to look   R turn round"
+        );
         assert_eq!(usual.hint("next", "flies to the next"), " (T flies to the next)");
         assert_eq!((usual.key("undo").as_str(), usual.quit_key().as_str()), ("Ctrl+Z", "Ctrl+Q"));
         let changed = [("help", &["Ü"][..]), ("left", &["Ö"]), ("reverse", &[]), ("next", &[]), ("quit", &["Ä"])];
         let changed = actions(&changed).unwrap();
-        assert_eq!(changed.short_help(), "Ü keys   Space pause   W Ö S D steer   drag to look");
+        assert_eq!(changed.short_help(), "Ü keys   Space pause   J finding   W Ö S D steer   drag to look");
         assert_eq!((changed.hint("next", "flies to the next"), changed.quit_key()), (String::new(), "Ä".to_owned()));
     }
 
@@ -441,8 +446,8 @@ mod tests {
         expected.sort_unstable();
         found.sort_unstable();
         assert_eq!(found, expected);
-        assert_eq!(groups[0].title, "Steer");
-        assert!(groups[0].rows.iter().any(|r| r.keys == "W S, Up Down" && r.text == "fly forward, back"));
+        assert_eq!((groups[0].rows[0].keys.as_str(), groups[1].title.as_str()), ("J", "Steer"));
+        assert!(groups[1].rows.iter().any(|r| r.keys == "W S, Up Down" && r.text == "fly forward, back"));
         assert!(groups.iter().all(|g| g.title != "More"), "{:?}", groups.last());
         let yes = groups.iter().flat_map(|g| &g.rows).find(|r| r.id.as_deref() == Some("candidate-yes")).unwrap();
         assert_eq!((yes.keys.as_str(), yes.text.as_str()), ("Y, Ctrl+Y", "this candidate is a polyp"));

@@ -206,6 +206,20 @@ impl Cleansing {
         }
     }
 
+    /// Returns the scan without tag, or the part of it around the colon, if it is known, and the scan as it is beside it.
+    pub(crate) fn pair(&self, flight: &FlightApp) -> (PreparedVolume, Option<PreparedVolume>) {
+        let flown = flight.setup().volume.clone();
+        let other = match self.stage {
+            Stage::Both(other) => flight.app().world.get::<Scan>(other).map(|scan| scan.0.clone()),
+            _ => None,
+        };
+        match other {
+            Some(other) if is_flown_without_tag(flight) => (flown, Some(other)),
+            Some(other) => (other, Some(flown)),
+            None => (flown, None),
+        }
+    }
+
     /// Returns what finding it took, once it is there.
     pub(crate) fn took(&self) -> Option<Took> {
         self.took.clone()

@@ -10,6 +10,8 @@ use glam::DVec3;
 
 use super::action::{Action, Actions};
 use super::assistant::Assistant;
+use super::document::Document;
+use super::finding_tool::FindingTool;
 use super::intent::{Intent, SliceInput, WhyNot};
 use super::kinds::Kinds;
 use super::measures::Measures;
@@ -17,6 +19,7 @@ use super::overlay::HudState;
 use super::seen::Seen;
 use super::slices::Slices;
 use crate::app::FlightApp;
+use crate::app::findings::Findings;
 use crate::components::input::Command;
 use crate::components::slices::{Orientation, SliceView};
 use crate::error::program_name;
@@ -74,6 +77,10 @@ pub(crate) trait WindowView {
     fn measures(&self) -> &Measures;
     /// Returns the assistant, once it was asked for.
     fn assistant(&self) -> Option<&Assistant>;
+    /// Returns what was found.
+    fn document(&self) -> &Document;
+    /// Returns the chosen finding, and the pictures of all.
+    fn findings(&self) -> &FindingTool;
     /// Returns what of the wall was seen.
     fn seen(&self) -> &Seen;
     /// Returns the kinds of gas.
@@ -152,6 +159,16 @@ impl<'a> Context<'a> {
     /// Returns the assistant, once it was asked for.
     pub(super) fn assistant(&self) -> Option<&'a Assistant> {
         self.view.assistant()
+    }
+
+    /// Returns what the reader found.
+    pub(super) fn found(&self) -> &'a Findings {
+        self.view.document().found()
+    }
+
+    /// Returns the number of the chosen finding.
+    pub(super) fn current_finding(&self) -> Option<usize> {
+        self.view.findings().current(&self.found().findings)
     }
 
     /// Returns what of the wall was seen.

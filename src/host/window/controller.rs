@@ -4,6 +4,7 @@ mod assisting;
 mod commanding;
 mod executing;
 mod faults;
+mod finding;
 mod history;
 mod looking;
 mod pointing;
@@ -29,6 +30,7 @@ use super::directions::Directions;
 use super::document::Document;
 use super::field_job;
 use super::figures::Figures;
+use super::finding_tool::FindingTool;
 use super::framebuffer::{Framebuffer, PresentResult};
 use super::keys::HeldKeys;
 use super::kinds::Kinds;
@@ -121,6 +123,8 @@ pub(crate) struct FlightController {
     looking: Looking,
     /// What was found, and its history.
     document: Document,
+    /// The chosen finding, and the pictures of all.
+    findings: FindingTool,
     /// True once anything of the flight was shown.
     has_shown: bool,
     background: Background,
@@ -207,6 +211,7 @@ impl FlightController {
             seen: Seen::new(now),
             looking: Looking::default(),
             document,
+            findings: FindingTool::new(now),
             has_shown: false,
             background,
             last_guide,
@@ -326,11 +331,23 @@ impl FlightController {
         let uncleansed =
             (self.cleansing.is_waiting() && self.has_shown && self.unflown.is_none()).then_some(self.start);
         let searched = self.assistant.as_ref().and_then(|a| a.next());
-        let (told, seen) = (self.kinds.next(), self.seen.next());
-        [self.looking.next(), seen, finer, message, self.figures.next(), attention, planned, uncleansed, searched, told]
-            .into_iter()
-            .flatten()
-            .min()
+        let (told, seen, found) = (self.kinds.next(), self.seen.next(), self.findings.next(self.start));
+        [
+            self.looking.next(),
+            seen,
+            found,
+            finer,
+            message,
+            self.figures.next(),
+            attention,
+            planned,
+            uncleansed,
+            searched,
+            told,
+        ]
+        .into_iter()
+        .flatten()
+        .min()
     }
 
     /// Sends a command to the flight. Returns true if it succeeded. A refused command is reported and changes nothing.
@@ -655,6 +672,7 @@ impl FlightController {
         self.take_found(now);
         self.take_kinds(now);
         self.take_seen(now);
+        self.take_findings(now);
         for note in self.flight.take_notes() {
             // A message is soon gone, and the last ones are never read.
             if self.reported.insert(note.clone()) {

@@ -2,10 +2,13 @@
 
 use std::path::PathBuf;
 
+use glam::DVec3;
+
 use super::assistant::{Reading, Said};
-use super::findings::{self, Findings};
+use super::findings;
 use super::measures::Measure;
 use super::session::ScanFiles;
+use crate::app::findings::{Finding, Findings, Outside};
 use crate::error::{Error, Result};
 use crate::fields::lumen::Told;
 
@@ -15,9 +18,26 @@ const UNDONE: usize = 300;
 /// What a change was made to, as it was before.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Part {
-    Distances(Vec<Measure>),
+    Distances(Vec<[DVec3; 2]>),
     Answers(Vec<Said>),
     Kinds(Vec<Told>),
+    Findings(Vec<Finding>),
+    Outside(Vec<Outside>),
+}
+
+/// What is being written or dragged: its small changes are one, until something else is changed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Stroke {
+    /// The note of a candidate, by its number.
+    CandidateNote(usize),
+    /// The note of a finding, by its id.
+    Note(String),
+    /// The ends of a finding's diameter.
+    Ends(String),
+    /// How sure the reader is of a finding.
+    Confidence(String),
+    /// The category or text of a finding outside the colon, by its number.
+    Outside(usize),
 }
 
 /// The findings of a scan as they were noted last, and those before.
@@ -28,8 +48,8 @@ pub(crate) struct Document {
     /// What is said of each candidate, once there is a list.
     said: Vec<Said>,
     history: Vec<Part>,
-    /// The candidate whose note is being written. Letter by letter, that is one change.
-    writing: Option<usize>,
+    /// What is being written. Letter by letter, that is one change.
+    writing: Option<Stroke>,
     /// Number of changes before the first end of a distance was clicked.
     begun: usize,
     /// True once something was changed.
@@ -73,8 +93,9 @@ impl Document {
     /// Returns status 5 if it cannot be stored. The change is noted nevertheless.
     pub(crate) fn note(&mut self, distances: &[Measure], reading: Option<&Reading>, kinds: &[Told]) -> Result<()> {
         let mut is_new = false;
-        if self.found.distances != distances {
-            let before = std::mem::replace(&mut self.found.distances, distances.to_vec());
+        if !distances.iter().map(|m| <[DVec3; 2]>::from(*m)).eq(self.found.distances.iter().copied()) {
+            let now = distances.iter().map(|m| (*m).into()).collect();
+            let before = std::mem::replace(&mut self.found.distances, now);
             (self.writing, is_new) = (None, true);
             self.history.push(Part::Distances(before));
         }
@@ -84,16 +105,14 @@ impl Document {
             self.history.push(Part::Kinds(before));
         }
         if let Some(reading) = reading.filter(|r| r.all() != self.said) {
-            let note = note_only(&self.said, reading.all());
+            let note = note_only(&self.said, reading.all()).map(Stroke::CandidateNote);
             let before = std::mem::replace(&mut self.said, reading.all().to_vec());
             if note.is_none() || note != self.writing {
                 self.history.push(Part::Answers(before));
             }
             (self.writing, is_new) = (note, true);
         }
-        let more = self.history.len().saturating_sub(UNDONE);
-        self.history.drain(..more);
-        self.begun = self.begun.saturating_sub(more);
+        self.shorten();
         let answers = reading.map(Reading::answers);
         if let Some(answers) = answers.filter(|answers| is_new || *answers != self.found.answers) {
             (self.found.answers, is_new) = (answers, true);
@@ -101,6 +120,69 @@ impl Document {
         if !is_new {
             return Ok(());
         }
+        self.has_changes = true;
+        self.keep()
+    }
+
+    fn shorten(&mut self) {
+        let more = self.history.len().saturating_sub(UNDONE);
+        self.history.drain(..more);
+        self.begun = self.begun.saturating_sub(more);
+    }
+
+    /// Changes the findings of the colon, and stores them. What belongs to one `stroke` is undone together.
+    ///
+    /// # Errors
+    /// Returns status 5 if they cannot be stored. The change is made nevertheless.
+    pub(crate) fn change_findings(
+        &mut self,
+        stroke: Option<Stroke>,
+        change: impl FnOnce(&mut Vec<Finding>),
+    ) -> Result<()> {
+        let before = self.found.findings.clone();
+        change(&mut self.found.findings);
+        let is_new = self.found.findings != before;
+        self.note_change(is_new, stroke, || Part::Findings(before))
+    }
+
+    /// Changes the findings outside the colon, and stores them. What belongs to one `stroke` is undone together.
+    ///
+    /// # Errors
+    /// Returns status 5 if they cannot be stored. The change is made nevertheless.
+    pub(crate) fn change_outside(
+        &mut self,
+        stroke: Option<Stroke>,
+        change: impl FnOnce(&mut Vec<Outside>),
+    ) -> Result<()> {
+        let before = self.found.outside.clone();
+        change(&mut self.found.outside);
+        let is_new = self.found.outside != before;
+        self.note_change(is_new, stroke, || Part::Outside(before))
+    }
+
+    /// Adds to a finding what the program knows of it, without a step of the history: an undo of what came before or after does not take
+    /// it back.
+    ///
+    /// # Errors
+    /// Returns status 5 if it cannot be stored.
+    pub(crate) fn complete(&mut self, id: &str, add: impl Fn(&mut Finding)) -> Result<()> {
+        let lists = self.history.iter_mut().filter_map(|part| match part {
+            Part::Findings(list) => Some(list),
+            _ => None,
+        });
+        lists.chain([&mut self.found.findings]).flatten().filter(|f| f.id == id).for_each(add);
+        self.keep()
+    }
+
+    fn note_change(&mut self, is_new: bool, stroke: Option<Stroke>, before: impl FnOnce() -> Part) -> Result<()> {
+        if !is_new {
+            return Ok(());
+        }
+        if stroke.is_none() || stroke != self.writing {
+            self.history.push(before());
+            self.shorten();
+        }
+        self.writing = stroke;
         self.has_changes = true;
         self.keep()
     }
@@ -145,6 +227,8 @@ impl Document {
             Part::Distances(list) => self.found.distances.clone_from(list),
             Part::Answers(said) => self.said.clone_from(said),
             Part::Kinds(kinds) => self.found.kinds = Some(kinds.clone()),
+            Part::Findings(list) => self.found.findings.clone_from(list),
+            Part::Outside(list) => self.found.outside.clone_from(list),
         }
         part
     }
@@ -280,7 +364,8 @@ mod tests {
                     }
                     5 => {
                         match document.undo() {
-                            Some(Part::Distances(list)) => distances = list,
+                            Some(Part::Distances(list)) => distances = list.into_iter().map(Measure::from).collect(),
+                            Some(Part::Findings(_) | Part::Outside(_)) => {}
                             Some(Part::Kinds(told)) => kinds = told,
                             Some(Part::Answers(said)) => _ = r.restore(said),
                             None => {}
@@ -298,7 +383,7 @@ mod tests {
                 }
             }
             let (again, read) = opened(&files);
-            assert_eq!(again.found().distances, distances);
+            assert_eq!(again.found().distances, distances.iter().map(|m| <[DVec3; 2]>::from(*m)).collect::<Vec<_>>());
             assert_eq!((read.all(), again.found().kinds.as_deref()), (r.all(), Some(&kinds[..])));
         }
     }

@@ -1,53 +1,24 @@
-//! The file of what a reader finds in a scan: distances, answers to candidates, and kinds of gas.
+//! The files of what a reader finds in a scan, as a window keeps them.
 //!
-//! It lies beside the session and is named like it. A session is removed once the flight has arrived; what the reader said stays.
-//! The file is one of [answers](crate::polyps::answers), too, so `--answers` takes it. Earlier versions kept three files. They are read
-//! as long as there is no such file, and left as they are.
+//! The file of [`Findings`] is named by the scan's content. Earlier versions kept one file named like the session, or three. They are
+//! read as long as there is no file of today's, and left as they are. A session is removed once the flight has arrived; what the reader
+//! found stays.
 
 use std::path::Path;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::folders;
-use super::measures::{self, Measure};
 use super::session::ScanFiles;
+use crate::app::findings::{Findings, MOST_DISTANCES, NoScan, kinds};
 use crate::error::{Error, Result};
-use crate::fields::lumen::{GasKind, Told};
+use crate::output;
 use crate::polyps::answers::{Answered, Answers};
 
-/// The current version of the file format, and of the earlier ones.
-const VERSION: u32 = 1;
-/// Consequence of an invalid file, for messages.
+/// What to do about an invalid file, for messages.
 const HINT: &str = "move it away, then open the scan again";
-/// Maximum number of places with a kind.
-pub(crate) const MOST_KINDS: usize = 200;
-/// Largest coordinate of such a place, mm.
-const FARTHEST_MM: f64 = 1e5;
-
-/// What a reader has found in a scan.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Findings {
-    pub(crate) distances: Vec<Measure>,
-    pub(crate) answers: Vec<Answered>,
-    /// `None` if no file tells.
-    pub(crate) kinds: Option<Vec<Told>>,
-}
-
-/// The file format.
-#[derive(Serialize, Deserialize)]
-struct Kept {
-    version: u32,
-    colvis: String,
-    /// Not the scan's name, which may identify the patient.
-    scan: String,
-    answers: Vec<Answered>,
-    /// The ends of each, world mm.
-    distances: Vec<[[f64; 3]; 2]>,
-    /// Each with `at`, world mm, and `kind`.
-    kinds: Vec<Value>,
-}
 
 /// The earlier format of distances.
 #[derive(Serialize, Deserialize)]
@@ -68,7 +39,7 @@ struct KeptKinds {
 macro_rules! kept {
     ($($format:ty),*) => {
         $(impl folders::Kept for $format {
-            const VERSION: u32 = VERSION;
+            const VERSION: u32 = 1;
 
             fn version(&self) -> u32 {
                 self.version
@@ -76,28 +47,32 @@ macro_rules! kept {
         })*
     };
 }
-kept!(Kept, KeptDistances, KeptKinds);
-
-/// An entry of the kinds.
-#[derive(Deserialize)]
-struct Entry {
-    at: [f64; 3],
-    kind: GasKind,
-}
+kept!(KeptDistances, KeptKinds);
 
 /// Reads what was found in a scan; nothing if there is no file. Kinds that are invalid are ignored. If a file is damaged, returns what
 /// the others say, and its error with status 3.
 pub(crate) fn read(files: &ScanFiles) -> (Findings, Option<Error>) {
-    if let Some(path) = files.findings.as_deref().filter(|path| path.exists()) {
-        return match read_current(path) {
-            Ok(found) => (found, None),
-            Err(e) => (Findings::default(), Some(e)),
-        };
+    let (found, damaged) = read_files(files);
+    let found = Findings { scan: files.content.hash.clone(), ..found.moved_to(files.content.origin) };
+    (found, damaged)
+}
+
+fn read_files(files: &ScanFiles) -> (Findings, Option<Error>) {
+    for (path, no_scan) in [(&files.findings, NoScan::Refused), (&files.earlier, NoScan::Allowed)] {
+        if let Some(path) = path.as_deref().filter(|path| path.exists()) {
+            return match of_scan(path, no_scan, &files.content.hash) {
+                Ok(found) => (found, None),
+                Err(e) => (Findings::default(), Some(e)),
+            };
+        }
     }
     let (mut found, mut damaged) = (Findings::default(), None);
     let mut note = |e| _ = damaged.get_or_insert(e);
     match files.measures.as_deref().map_or(Ok(None), |path| folders::read_kept::<KeptDistances>(path, HINT)) {
-        Ok(kept) => found.distances = kept.map_or_else(Vec::new, |kept| distances(kept.measures)),
+        Ok(kept) => {
+            let ends = kept.into_iter().flat_map(|kept| kept.measures).map(|ends| ends.map(DVec3::from_array));
+            found.distances = ends.take(MOST_DISTANCES).collect();
+        }
         Err(e) => note(e),
     }
     match files.answers.as_deref().filter(|path| path.exists()).map(answers).transpose() {
@@ -111,11 +86,13 @@ pub(crate) fn read(files: &ScanFiles) -> (Findings, Option<Error>) {
     (found, damaged)
 }
 
-/// Reads the file of the findings.
-fn read_current(path: &Path) -> Result<Findings> {
-    let answers = answers(path)?;
-    let Some(kept) = folders::read_kept::<Kept>(path, HINT)? else { return Ok(Findings::default()) };
-    Ok(Findings { distances: distances(kept.distances), answers, kinds: Some(kinds(kept.kinds)) })
+/// Reads a file of findings, which must be of the scan with this hash if it names one.
+fn of_scan(path: &Path, no_scan: NoScan, hash: &str) -> Result<Findings> {
+    let found = Findings::read(path, no_scan, HINT)?;
+    if !found.scan.is_empty() && found.scan != hash {
+        return Err(Error::file(path, "belongs to another scan", HINT));
+    }
+    Ok(found)
 }
 
 fn answers(path: &Path) -> Result<Vec<Answered>> {
@@ -131,31 +108,16 @@ fn answers(path: &Path) -> Result<Vec<Answered>> {
 /// # Errors
 /// Returns status 5 if it cannot be written.
 pub(crate) fn keep(path: &Path, found: &Findings) -> Result<()> {
-    let kept = Kept {
-        version: VERSION,
-        colvis: "answers".to_owned(),
-        scan: path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default(),
-        answers: found.answers.clone(),
-        distances: found.distances.iter().map(|m| [m.from, m.to].map(|p| p.to_array())).collect(),
-        kinds: found.kinds.iter().flatten().map(|(at, kind)| json!({ "at": at.to_array(), "kind": kind })).collect(),
-    };
-    folders::keep(path, &kept)
-}
-
-fn distances(kept: Vec<[[f64; 3]; 2]>) -> Vec<Measure> {
-    let ends = kept.into_iter().map(|ends| ends.map(DVec3::from_array));
-    ends.take(measures::MOST).map(|[from, to]| Measure { from, to }).collect()
-}
-
-fn kinds(kept: Vec<Value>) -> Vec<Told> {
-    let valid = kept.into_iter().filter_map(|e| serde_json::from_value::<Entry>(e).ok());
-    let near = valid.filter(|e| e.at.iter().all(|mm| mm.abs() <= FARTHEST_MM));
-    near.map(|e| (DVec3::from_array(e.at), e.kind)).take(MOST_KINDS).collect()
+    if let Some(folder) = path.parent() {
+        output::make_folder(folder)?;
+    }
+    found.write(path)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fields::lumen::GasKind;
 
     /// Reads files that are all sound.
     fn sound(files: &ScanFiles) -> Findings {
@@ -169,7 +131,7 @@ mod tests {
     }
     use crate::polyps::answers::Answer;
 
-    fn found() -> Findings {
+    fn found(files: &ScanFiles) -> Findings {
         let answered = |rank: usize, answer| Answered {
             rank,
             position: DVec3::new(rank as f64, -0.1, 1e-3),
@@ -178,48 +140,78 @@ mod tests {
         };
         let kind = |(n, kind): (usize, &GasKind)| (DVec3::new(n as f64, -0.1, 1e-3), *kind);
         Findings {
-            distances: vec![Measure { from: DVec3::X, to: DVec3::new(3.0, 4.0, 0.1) }],
+            scan: files.content.hash.clone(),
+            origin: Some(files.content.origin),
+            distances: vec![[DVec3::X, DVec3::new(3.0, 4.0, 0.1)]],
             answers: vec![answered(1, Some(Answer::Yes)), answered(3, None)],
             kinds: Some(GasKind::ALL.iter().enumerate().map(kind).collect()),
+            ..Findings::default()
         }
+    }
+
+    fn write(path: &Option<std::path::PathBuf>, text: &str) {
+        let path = path.as_deref().unwrap();
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
     }
 
     #[test]
     fn what_is_kept_is_read_back_also_as_answers() {
         let dir = tempfile::tempdir().unwrap();
         let files = ScanFiles::below(dir.path(), "a.json");
-        assert_eq!(sound(&files), Findings::default());
-        let path = files.findings.clone().unwrap();
-        keep(&path, &found()).unwrap();
-        assert_eq!(sound(&files), found());
+        let none = Findings { scan: "sha256:a".to_owned(), origin: Some(DVec3::ZERO), ..Findings::default() };
+        assert_eq!(sound(&files), none);
+        let (path, found) = (files.findings.clone().unwrap(), found(&files));
+        keep(&path, &found).unwrap();
+        assert_eq!(sound(&files), found);
         assert!(std::fs::read_to_string(&path).unwrap().contains("\"small bowel\""));
-        let answers = Answers::read(&path).unwrap();
-        assert_eq!((answers.scan.as_str(), answers.answers), ("a", found().answers));
+        assert_eq!(Answers::read(&path).unwrap().answers, found.answers);
+        // The same scan in a file that lies elsewhere.
+        let by = DVec3::new(0.0, 100.0, -7.0);
+        let mut there = files;
+        there.content.origin = by;
+        assert_eq!(sound(&there).distances[0][0], found.distances[0][0] + by);
+    }
+
+    #[test]
+    fn findings_of_another_scan_are_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let [files, other] = ["a.json", "b.json"].map(|name| ScanFiles::below(dir.path(), name));
+        keep(files.findings.as_deref().unwrap(), &found(&other)).unwrap();
+        let (none, damaged) = read(&files);
+        assert!(damaged.unwrap().why.contains("another scan") && none.answers.is_empty());
     }
 
     #[test]
     fn earlier_files_are_read_as_long_as_there_is_none_and_left_as_they_are() {
         let dir = tempfile::tempdir().unwrap();
         let files = ScanFiles::below(dir.path(), "a.json");
-        let old = [&files.measures, &files.answers, &files.kinds].map(|path| path.clone().unwrap());
+        let old = [&files.measures, &files.answers, &files.kinds, &files.earlier];
         let texts = [
             r#"{"version": 1, "measures": [[[1.0, 0.0, 0.0], [3.0, 4.0, 0.1]]]}"#,
             r#"{"colvis": "answers", "scan": "a", "answers": [
                 {"rank": 1, "position": [1.0, -0.1, 0.001], "answer": "yes", "note": "note 1"},
                 {"rank": 3, "position": [3.0, -0.1, 0.001], "answer": null, "note": "note 3"}]}"#,
             r#"{"version": 1, "told": [{"at": [4.0, -0.1, 0.001], "kind": "lung"}]}"#,
+            r#"{"version": 1, "colvis": "answers", "scan": "00ff", "answers": [], "distances": [[[1, 2, 3], [4, 5, 6]]],
+                "kinds": [{"at": [1, 2, 3], "kind": "lung"}]}"#,
         ];
-        for (path, text) in old.iter().zip(texts) {
-            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-            std::fs::write(path, text).unwrap();
-        }
-        let lung = Some(vec![(DVec3::new(4.0, -0.1, 1e-3), GasKind::Lung)]);
+        let lung = |at| Some(vec![(at, GasKind::Lung)]);
+        old.into_iter().zip(texts).take(3).for_each(|(path, text)| write(path, text));
         let before = sound(&files);
-        assert_eq!(before, Findings { kinds: lung, ..found() });
+        assert_eq!(before, Findings { kinds: lung(DVec3::new(4.0, -0.1, 1e-3)), ..found(&files) });
+        // Of these, the one file is the later one.
+        write(old[3], texts[3]);
+        let one = sound(&files);
+        assert_eq!(
+            (one.distances[0][1], one.kinds.clone()),
+            (DVec3::new(4.0, 5.0, 6.0), lung(DVec3::new(1.0, 2.0, 3.0)))
+        );
+        assert_eq!((one.scan.as_str(), one.answers.len()), ("sha256:a", 0));
         keep(files.findings.as_deref().unwrap(), &Findings { distances: Vec::new(), ..before.clone() }).unwrap();
         assert_eq!(sound(&files), Findings { distances: Vec::new(), ..before });
-        for (path, text) in old.iter().zip(texts) {
-            assert_eq!(std::fs::read_to_string(path).unwrap(), text);
+        for (path, text) in old.into_iter().zip(texts) {
+            assert_eq!(std::fs::read_to_string(path.as_deref().unwrap()).unwrap(), text);
         }
     }
 
@@ -229,11 +221,6 @@ mod tests {
         let files = ScanFiles::below(dir.path(), "a.json");
         let entries = r#"[7, null, {"at": [1, 2], "kind": "colon"}, {"at": [1, 2, 3], "kind": "gall bladder"},
             {"at": [1e300, 0, 0], "kind": "colon"}, {"at": [1, 2, 3], "kind": "lung", "more": []}, {"kind": "lung"}]"#;
-        let write = |path: &Option<std::path::PathBuf>, text: &str| {
-            let path = path.as_deref().unwrap();
-            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-            std::fs::write(path, text).unwrap();
-        };
         write(&files.kinds, &format!(r#"{{"version": 1, "told": {entries}}}"#));
         let lung = Some(vec![(DVec3::new(1.0, 2.0, 3.0), GasKind::Lung)]);
         assert_eq!(sound(&files).kinds, lung);
@@ -253,15 +240,14 @@ mod tests {
         // With a file of findings, earlier ones do not count.
         let all = |version: u32, kind: &str| {
             format!(
-                r#"{{"version": {version}, "colvis": "{kind}", "scan": "", "answers": [], "distances": [], "kinds": {entries}}}"#
+                r#"{{"version": {version}, "colvis": "{kind}", "scan": "sha256:a", "answers": [], "distances": [], "kinds": {entries}}}"#
             )
         };
         write(&files.findings, &all(1, "answers"));
         assert_eq!(sound(&files).kinds, lung);
         for bad in ["".to_owned(), all(2, "answers"), all(1, "list"), "{\"version\": 1}".to_owned()] {
             write(&files.findings, &bad);
-            let e = read(&files).1.unwrap().to_string();
-            assert!(!e.contains('\n'), "{e}");
+            assert!(is_damaged(&files), "{bad}");
         }
         std::fs::remove_file(files.findings.as_deref().unwrap()).unwrap();
         std::fs::create_dir(files.findings.as_deref().unwrap()).unwrap();

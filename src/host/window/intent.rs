@@ -8,6 +8,7 @@ use glam::DVec3;
 
 use super::assistant::Showing;
 use super::keys::Hold;
+use crate::app::findings::{Morphology, Tissue};
 use crate::components::input::Command;
 use crate::components::slices::Orientation;
 use crate::fields::lumen::GasKind;
@@ -108,6 +109,27 @@ pub(crate) enum Intent {
     /// Add the answers of a file.
     LoadAnswers(PathBuf),
 
+    /// Mark a finding.
+    Finding(FindingOf),
+    /// Show a finding, by its number from 0.
+    VisitFinding(usize),
+    /// Change a finding, by its number.
+    EditFinding(usize, FindingEdit),
+    /// Move an end, 0 or 1, of a finding's diameter.
+    MoveEnd(usize, usize, EndAt),
+    /// Let the next distance be the diameter of a finding, or stop that.
+    MeasureFinding(usize),
+    /// Delete a finding, by its number.
+    DeleteFinding(usize),
+    /// Make the pictures of the findings that have none.
+    DrawFindings,
+    /// Mark a finding outside the colon, at the place that all views show.
+    Outside,
+    /// Write the category and text of a finding outside the colon, by its number.
+    EditOutside(usize, String, String),
+    /// Delete a finding outside the colon, by its number.
+    DeleteOutside(usize),
+
     /// Show or hide the kinds of gas in the slices, and their panel.
     Kinds,
     /// Give a kind to the chosen body of gas, or with `None` take back what was given.
@@ -155,6 +177,39 @@ pub(crate) enum Intent {
     Cancel,
     /// Quit the program; asks first if something is unfinished.
     Quit,
+}
+
+/// What a finding is marked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum FindingOf {
+    /// The place that all views show, or the wall in the middle of the picture.
+    Here,
+    /// A candidate, by its number from 0.
+    Candidate(usize),
+    /// The measured lesion.
+    Lesion,
+    /// A distance, by its number.
+    Distance(usize),
+    /// A missed patch, by its number.
+    Missed(usize),
+}
+
+/// A change to a finding.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum FindingEdit {
+    Morphology(Option<Morphology>),
+    Tissue(Option<Tissue>),
+    Confidence(f64),
+    Note(String),
+}
+
+/// Where an end of a diameter is dragged to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum EndAt {
+    /// A place, world mm.
+    World(DVec3),
+    /// The wall at a pixel of the flight's picture.
+    Pixel([f64; 2]),
 }
 
 /// A pointer's input to a slice.

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use super::Resume;
 use super::controller::FlightController;
 use super::document::Document;
+use super::loading::SessionFile;
 use super::looked;
 use super::session::{ScanFiles, Session};
 use crate::app::FlightApp;
@@ -90,9 +91,9 @@ pub(crate) struct Keeping {
 
 impl Keeping {
     /// Begins to keep the scan with this session file, unless another window does.
-    pub(crate) fn of(session: Option<PathBuf>, resume: Resume, is_guided: bool, now: Instant) -> Self {
-        let files = ScanFiles::of(session.as_deref(), resume);
-        let session = session.filter(|_| resume != Resume::Never);
+    pub(crate) fn of(session: SessionFile, resume: Resume, is_guided: bool, now: Instant) -> Self {
+        let files = ScanFiles::of(session.path.as_deref(), &session.content, resume);
+        let session = session.path.filter(|_| resume != Resume::Never);
         let hold = hold(&files, now);
         // Without a guide there is no position from which another flight could continue.
         Self { session: session.filter(|_| is_guided), files, hold, is_whole: false, damaged: None }
@@ -223,7 +224,7 @@ fn hold(files: &ScanFiles, now: Instant) -> Hold {
     match lock.try_lock() {
         Ok(()) => Hold::Ours(Some(lock)),
         Err(TryLockError::WouldBlock) => {
-            let all = [&files.findings, &files.measures, &files.answers, &files.kinds].into_iter().flatten();
+            let all = files.all();
             Hold::Theirs(lock, all.map(|path| (path.clone(), std::fs::read(path).ok())).collect(), now)
         }
         // A file system without locks.

@@ -24,8 +24,11 @@ pub(crate) struct Group {
     pub rows: Vec<HelpRow>,
 }
 
+/// The title of the group that comes first.
+const FIRST: &str = "Findings";
+
 impl Actions {
-    /// Returns everything that the operator can do, in groups: the keys that steer, then as in the menus. Every action is there once.
+    /// Returns everything that the operator can do, in groups: findings, the keys that steer, then as in the menus. Every action is there once.
     pub(crate) fn groups(&self) -> Vec<Group> {
         let steers = |a: &Action| matches!(a.intent, Intent::Hold(_) | Intent::Gesture);
         let mut steer: Vec<HelpRow> = Vec::new();
@@ -52,6 +55,8 @@ impl Actions {
             self.0.iter().filter(|a| !steers(a) && !listed.contains(&a.id.as_ref())).map(row).collect();
         groups.push(Group { title: "More".to_owned(), rows: rest });
         groups.retain(|g| !g.rows.is_empty());
+        // What a reading is for.
+        groups.sort_by_key(|g| g.title != FIRST);
         groups
     }
 

@@ -8,9 +8,9 @@ use std::time::Instant;
 use glam::DVec3;
 
 use super::background::{Background, BackgroundTask};
-use super::findings::MOST_KINDS;
 use super::job::Job;
 use crate::app::Fields;
+use crate::app::findings::MOST_KINDS;
 use crate::app::flight::onward;
 use crate::app::{FlightApp, Setup};
 use crate::error::Result;

@@ -19,8 +19,7 @@ use crate::volume::Volume;
 pub struct Ready {
     /// The flight.
     pub flight: FlightApp,
-    /// The file of the scan's session; `None` on a system that defines no folder for it.
-    pub(super) session: Option<PathBuf>,
+    pub(super) session: SessionFile,
     /// What the reader must know about the scan.
     pub notes: Vec<String>,
     /// Set if the scan cannot be flown: the flight then rests, and its slices are looked at.
@@ -43,7 +42,7 @@ impl Ready {
     /// Returns the file of the scan's session.
     #[doc(hidden)]
     pub fn session_file(&self) -> Option<&std::path::Path> {
-        self.session.as_deref()
+        self.session.path.as_deref()
     }
 }
 
@@ -59,37 +58,45 @@ pub struct Unflown {
 /// A function that prepares a flight from a place, world mm.
 pub(crate) type StartAt = Box<dyn Fn(DVec3) -> Prepare + Send>;
 
-/// Location of a scan's session.
+/// Location of a scan's session, and what the scan is known by.
 #[derive(Clone)]
 #[doc(hidden)]
-pub struct SessionFile(Option<PathBuf>);
+pub struct SessionFile {
+    /// `None` on a system that defines no folder for it.
+    pub(super) path: Option<PathBuf>,
+    pub(super) content: session::Content,
+}
 
 impl SessionFile {
     /// Determines the session file of `volume`. Call it with the scan as loaded, since the flight may use a copy whose fluid
     /// counts as free.
     #[doc(hidden)]
     pub fn of(volume: &Volume) -> Self {
-        Self(session::file(volume))
+        let path = session::file(volume);
+        // A system without a folder keeps nothing that would be named by it.
+        let content = path.as_ref().map(|_| session::Content::of(volume)).unwrap_or_default();
+        Self { path, content }
     }
 
     /// Returns the kinds that the reader gave to gas when the scan was open before. A file that cannot be read is told of later.
     #[doc(hidden)]
     pub fn told(&self) -> Vec<Told> {
-        let (found, _) = findings::read(&session::ScanFiles::of(self.0.as_deref(), Resume::Nothing));
+        let files = session::ScanFiles::of(self.path.as_deref(), &self.content, Resume::Nothing);
+        let (found, _) = findings::read(&files);
         found.kinds.unwrap_or_default()
     }
 
     /// True if the whole colon was read when the scan was closed, and not to its end. A file that cannot be read is told of later.
     #[doc(hidden)]
     pub fn was_whole(&self) -> bool {
-        let read = self.0.as_deref().map(session::Session::read);
+        let read = self.path.as_deref().map(session::Session::read);
         read.and_then(Result::ok).flatten().is_some_and(|s| s.is_whole())
     }
 
     /// Combines the session file with the scan's flight.
     #[doc(hidden)]
     pub fn ready(self, flight: FlightApp, notes: Vec<String>) -> Ready {
-        Ready { flight, session: self.0, notes, unflown: None, is_whole: false, is_anew: false }
+        Ready { flight, session: self, notes, unflown: None, is_whole: false, is_anew: false }
     }
 
     /// Combines the session file with the scan's slices, because there is no flight.

@@ -2,8 +2,7 @@
 
 use glam::DVec3;
 
-/// Maximum number of measures.
-pub(crate) const MOST: usize = 500;
+use crate::app::findings::MOST_DISTANCES;
 
 /// A distance between two points.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -12,6 +11,18 @@ pub(crate) struct Measure {
     pub from: DVec3,
     /// World, mm.
     pub to: DVec3,
+}
+
+impl From<[DVec3; 2]> for Measure {
+    fn from([from, to]: [DVec3; 2]) -> Self {
+        Self { from, to }
+    }
+}
+
+impl From<Measure> for [DVec3; 2] {
+    fn from(m: Measure) -> Self {
+        [m.from, m.to]
+    }
 }
 
 impl Measure {
@@ -38,8 +49,8 @@ pub(crate) struct Measures {
 
 impl Measures {
     /// Restores measures that were made before.
-    pub(crate) fn restore(&mut self, list: Vec<Measure>) {
-        self.list = list;
+    pub(crate) fn restore(&mut self, list: &[[DVec3; 2]]) {
+        self.list = list.iter().map(|ends| Measure::from(*ends)).collect();
     }
 
     /// Returns all measures, in the order in which they were made.
@@ -70,7 +81,7 @@ impl Measures {
         };
         let made = Measure { from, to: at };
         self.list.push(made);
-        let more = self.list.len().saturating_sub(MOST);
+        let more = self.list.len().saturating_sub(MOST_DISTANCES);
         self.list.drain(..more);
         Some(made)
     }

@@ -15,6 +15,7 @@ mod display;
 mod document;
 mod field_job;
 mod figures;
+mod finding_tool;
 mod findings;
 mod folders;
 mod framebuffer;

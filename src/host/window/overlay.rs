@@ -116,6 +116,13 @@ pub(crate) fn unflown(p: &Painter, area: Rect, why: &str, message: Option<&str>)
     lines(p, area.center(), Align2::CENTER_CENTER, area.width() * 0.8, &list.collect::<Vec<_>>());
 }
 
+/// Returns as many of the keys, which three spaces part, as fit in a width, points.
+fn fitting<'a>(p: &Painter, keys: &'a str, width: f32) -> &'a str {
+    let ends = keys.match_indices("   ").map(|(n, _)| n).chain([keys.len()]);
+    let fits = |end: &usize| p.layout_no_wrap(keys[..*end].to_owned(), font(TEXT), SOFT).size().x <= width;
+    ends.filter(fits).last().map_or("", |end| &keys[..end])
+}
+
 /// Positions of marks are clamped to this distance, pixels: anything farther out is in no window.
 const FAR_PIXELS: f32 = 3e4;
 /// Limits of a mark's font size, points, and of its number of characters.
@@ -216,7 +223,7 @@ pub(crate) fn flight(p: &Painter, area: Rect, r: &HudState, is_headed: bool) {
         text(p, pos2(inner.min.x, low - (1.0 + below) * row.y), Align2::LEFT_BOTTOM, DISCLAIMER, TEXT, SOFT);
     }
     if roomy {
-        text(p, pos2(inner.min.x, foot), Align2::LEFT_TOP, &r.keys, TEXT, SOFT);
+        text(p, pos2(inner.min.x, foot), Align2::LEFT_TOP, fitting(p, &r.keys, inner.width()), TEXT, SOFT);
     }
     let foot = foot - 8.0;
     let mut head: Vec<(&str, f32, Color32)> = Vec::new();

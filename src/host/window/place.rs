@@ -139,6 +139,14 @@ impl Place {
         self.followed = (views.len(), last);
     }
 
+    /// Returns where a place (world, mm) is along the colon, if that is known.
+    pub(crate) fn along_of(&self, place: DVec3) -> Option<AlongColon> {
+        match &self.flown {
+            Some((_, Known::Yes(along))) => along.of(place),
+            _ => None,
+        }
+    }
+
     /// Returns the measure along the colon, if it is known from the rectum to the cecum and a log is not replayed, whose bar is that of
     /// the log.
     fn whole(&self, flight: &FlightApp) -> Option<&Along> {

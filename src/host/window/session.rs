@@ -3,6 +3,7 @@
 //! A session is a small JSON file in the platform's folder for application state. Its name is a hash of the scan's grid and
 //! voxels. Neither the name nor the contents identify the patient.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
@@ -16,7 +17,7 @@ use crate::components::input::{FlightCommand, Hand, HandCommand};
 use crate::error::Result;
 use crate::math::hash;
 use crate::output;
-use crate::volume::Volume;
+use crate::volume::{Volume, content_hash, content_origin};
 
 /// Number of evenly spread voxels that represent the whole volume in the hash.
 const SAMPLED: usize = 1 << 16;
@@ -169,12 +170,38 @@ pub(crate) fn file(volume: &Volume) -> Option<PathBuf> {
     Folder::State.file(Path::new("sessions").join(format!("{:016x}.json", key(volume))))
 }
 
-/// What is kept of a scan beside its session: files in folders of their own, with the session's name.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+/// The identity of a scan, whatever file it is read from.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Content {
+    /// Its hash.
+    pub(crate) hash: String,
+    /// Where it lies, world mm.
+    pub(crate) origin: DVec3,
+}
+
+impl Content {
+    /// Returns that of a scan as loaded.
+    pub(crate) fn of(volume: &Volume) -> Self {
+        Self { hash: content_hash(volume), origin: content_origin(volume.grid()) }
+    }
+
+    /// Returns the name of its file of findings.
+    fn file_name(&self) -> String {
+        format!("{}.json", self.hash.rsplit(':').next().unwrap_or_default())
+    }
+}
+
+/// What is kept of a scan beside its session: files in folders of their own. Findings are named by the scan's content, since they
+/// belong to it in whatever form it comes; the others like the session.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct ScanFiles {
-    /// Distances, answers to candidates and kinds of gas.
+    /// The scan that they are of.
+    pub(crate) content: Content,
+    /// What the reader found.
     pub(crate) findings: Option<PathBuf>,
-    /// The files in which earlier versions kept distances,
+    /// The files in which earlier versions kept all of that,
+    pub(crate) earlier: Option<PathBuf>,
+    /// distances,
     pub(crate) measures: Option<PathBuf>,
     /// answers
     pub(crate) answers: Option<PathBuf>,
@@ -189,26 +216,41 @@ pub(crate) struct ScanFiles {
 impl ScanFiles {
     /// Those of the scan with this session file. A flight that repeats another has none: it takes nothing of what was kept, and must
     /// not overwrite it.
-    pub(crate) fn of(session: Option<&Path>, resume: Resume) -> Self {
+    pub(crate) fn of(session: Option<&Path>, content: &Content, resume: Resume) -> Self {
         let name = session.and_then(Path::file_name).filter(|_| resume != Resume::Never);
-        Self::named(|folder| name.and_then(|name| Folder::State.file(Path::new(folder).join(name))))
+        let Some(name) = name.and_then(OsStr::to_str) else { return Self::default() };
+        Self::named(name, content.clone(), |file| Folder::State.file(file))
     }
 
-    /// Those in a folder.
+    /// Those in a folder, of a scan with this name as its hash.
     #[cfg(test)]
     pub(crate) fn below(folder: &Path, name: &str) -> Self {
-        Self::named(|kind| Some(folder.join(kind).join(name)))
+        let content = Content { hash: format!("sha256:{}", name.trim_end_matches(".json")), origin: DVec3::ZERO };
+        let earlier = format!("earlier-{name}");
+        Self {
+            earlier: Some(folder.join("findings").join(earlier)),
+            ..Self::named(name, content, |file| Some(folder.join(file)))
+        }
     }
 
-    /// Those that `file` returns for the names of their folders.
-    fn named(file: impl Fn(&str) -> Option<PathBuf>) -> Self {
+    /// Returns those that findings are read from.
+    pub(crate) fn all(&self) -> impl Iterator<Item = &PathBuf> {
+        [&self.findings, &self.earlier, &self.measures, &self.answers, &self.kinds].into_iter().flatten()
+    }
+
+    /// Those of a session with this name, where `file` returns a path in the folder of all.
+    fn named(name: &str, content: Content, file: impl Fn(PathBuf) -> Option<PathBuf>) -> Self {
+        let like_session = |folder: &str| file(Path::new(folder).join(name));
+        let by_content = |folder: &str| file(Path::new(folder).join(content.file_name()));
         Self {
-            findings: file("findings"),
-            measures: file("measures"),
-            answers: file("answers"),
-            kinds: file("kinds"),
-            looked: file("seen"),
-            lock: file("locks"),
+            findings: by_content("findings"),
+            earlier: like_session("findings"),
+            measures: like_session("measures"),
+            answers: like_session("answers"),
+            kinds: like_session("kinds"),
+            looked: like_session("seen"),
+            lock: by_content("locks"),
+            content,
         }
     }
 }
@@ -344,24 +386,26 @@ mod tests {
 
     #[test]
     fn a_flight_that_repeats_another_has_none_of_the_files_of_its_scan() {
-        let session = Path::new("sessions/00ff.json");
+        let (session, content) =
+            (Path::new("sessions/00ff.json"), Content { hash: "sha256:beef".to_owned(), origin: DVec3::ZERO });
         for resume in [Resume::Everything, Resume::Place, Resume::Nothing] {
-            let ScanFiles { findings, measures, answers, kinds, looked, lock } = ScanFiles::of(Some(session), resume);
-            for (file, folder) in [
-                (findings, "findings"),
-                (measures, "measures"),
-                (answers, "answers"),
-                (kinds, "kinds"),
-                (looked, "seen"),
-                (lock, "locks"),
+            let files = ScanFiles::of(Some(session), &content, resume);
+            for (file, name) in [
+                (files.findings, "findings/beef.json"),
+                (files.lock, "locks/beef.json"),
+                (files.earlier, "findings/00ff.json"),
+                (files.measures, "measures/00ff.json"),
+                (files.answers, "answers/00ff.json"),
+                (files.kinds, "kinds/00ff.json"),
+                (files.looked, "seen/00ff.json"),
             ] {
                 // A system may define no folder for it.
                 let Some(file) = file else { continue };
-                assert!(file.ends_with(Path::new(folder).join("00ff.json")), "{}", file.display());
+                assert!(file.ends_with(name), "{}", file.display());
             }
         }
-        assert_eq!(ScanFiles::of(Some(session), Resume::Never), ScanFiles::default());
-        assert_eq!(ScanFiles::of(None, Resume::Everything), ScanFiles::default());
+        assert_eq!(ScanFiles::of(Some(session), &content, Resume::Never), ScanFiles::default());
+        assert_eq!(ScanFiles::of(None, &content, Resume::Everything), ScanFiles::default());
     }
 
     #[test]

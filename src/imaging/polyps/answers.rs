@@ -20,7 +20,10 @@ use crate::error::{Error, Result};
 use crate::output;
 
 /// The first field of the file, so that another list is not mistaken for one.
-const KIND: &str = "answers";
+#[doc(hidden)]
+pub const KIND: &str = "answers";
+/// That of a file of findings, which holds answers too.
+const FINDINGS: &str = "findings";
 const HINT: &str = "give the answers that the page of candidates saved";
 
 /// Whether a candidate is a polyp, as a reader sees it.
@@ -77,20 +80,11 @@ impl Answers {
         let file: File =
             serde_json::from_str(&text).map_err(|e| Error::file(path, e.to_string(), HINT).caused_by(e))?;
         let wrong = |why: String| Err(Error::file(path, why, HINT));
-        if file.colvis != KIND {
+        if ![KIND, FINDINGS].contains(&file.colvis.as_str()) {
             return wrong(format!("\"colvis\" is \"{}\" and not \"{KIND}\"", file.colvis));
         }
-        let mut ranks = BTreeSet::new();
-        for Answered { rank, position, .. } in &file.answers {
-            if *rank == 0 {
-                return wrong("an answer has rank 0; ranks start at 1".to_owned());
-            }
-            if !position.is_finite() {
-                return wrong(format!("the position of rank {rank} is not finite"));
-            }
-            if !ranks.insert(*rank) {
-                return wrong(format!("rank {rank} is answered twice"));
-            }
+        if let Some(why) = impossible(&file.answers) {
+            return wrong(why);
         }
         Ok(Self { scan: file.scan, answers: file.answers })
     }
@@ -103,6 +97,17 @@ impl Answers {
         let file = File { colvis: KIND.to_owned(), scan: self.scan.clone(), answers: self.answers.clone() };
         output::write_json(path, &file)
     }
+}
+
+/// Returns what of answers is impossible: a rank 0, a rank twice or an invalid position.
+#[doc(hidden)]
+pub fn impossible(answers: &[Answered]) -> Option<String> {
+    let mut ranks = BTreeSet::new();
+    answers.iter().find_map(|Answered { rank, position, .. }| match rank {
+        0 => Some("an answer has rank 0; ranks start at 1".to_owned()),
+        _ if !position.is_finite() => Some(format!("the position of rank {rank} is not finite")),
+        _ => (!ranks.insert(*rank)).then(|| format!("rank {rank} is answered twice")),
+    })
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 #[doc(hidden)]
 pub mod cell;
+mod content;
 mod grid;
 #[doc(hidden)]
 pub mod hounsfield;
@@ -10,6 +11,7 @@ mod position;
 
 use crate::error::{Error, Result};
 
+pub use content::{content_hash, content_origin};
 pub use grid::Grid;
 pub use position::PatientPosition;
 

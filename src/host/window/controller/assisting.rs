@@ -7,13 +7,11 @@ use std::time::Instant;
 use glam::DVec3;
 
 use super::FlightController;
-use super::pointing::go_to;
 use crate::components::camera::Pose;
-use crate::components::input::FlightCommand;
 use crate::components::review::ReviewStop;
 use crate::components::scan::Walls;
 use crate::dynamics::Attitude;
-use crate::host::window::assistant::{Assistant, Entry, answer_text};
+use crate::host::window::assistant::{Assistant, answer_text};
 use crate::host::window::contract::WindowView;
 use crate::host::window::intent::WhyNot;
 use crate::math::sphere::half_directions;
@@ -187,7 +185,8 @@ impl FlightController {
         let Some(entry) = found.list.get(n) else { return };
         self.stop(now);
         self.travel = None;
-        if self.flight.setup().scene.play().is_none() && !self.go_to_see(entry, now) {
+        let (pose, place) = (entry.pose, entry.candidate.position);
+        if self.flight.setup().scene.play().is_none() && !self.go_where_seen(pose, place, now) {
             told.push_str(": the flight cannot go to where it is seen");
         }
         self.say(told, now);
@@ -195,13 +194,6 @@ impl FlightController {
         self.slices.aim(&self.flight, entry.candidate.position, 0.0);
         self.figures.touch();
         self.quiet = 0;
-    }
-
-    /// Moves the camera to where an entry is seen. Returns false if it fits nowhere.
-    fn go_to_see(&mut self, entry: &Entry, now: Instant) -> bool {
-        let Some((pose, segment)) = self.seen_from(entry) else { return false };
-        let other = self.flight.setup().plan.segment.is_some_and(|s| s != segment);
-        (!other || self.act(FlightCommand::Segment(segment), now)) && self.flight.act(go_to(pose)).is_ok()
     }
 
     /// Returns the stops of a review that look at the candidates that the reader is unsure of, in the segment that is flown.
@@ -221,7 +213,7 @@ impl FlightController {
         let Some((assistant, found)) = self.assistant().and_then(|a| Some((a, a.found()?))) else { return Vec::new() };
         let is_unsure = |n: usize| assistant.reading().said(n).is_some_and(|s| s.answer == Some(Answer::Unsure));
         let seen = found.list.iter().enumerate().filter(|(n, _)| is_unsure(*n)).filter_map(|(_, entry)| {
-            let (pose, segment) = self.seen_from(entry)?;
+            let (pose, segment) = self.seen_from(entry.pose, entry.candidate.position)?;
             Some((segment, ReviewStop::new(pose.position, Some(entry.candidate.position))))
         });
         seen.collect()
@@ -229,12 +221,11 @@ impl FlightController {
 
     /// Returns from where an entry is seen by a camera that fits there, and the segment of the lumen that it is in then. Where tag
     /// was taken out there may be no room for the camera, and it looks across from where there is.
-    fn seen_from(&self, entry: &Entry) -> Option<(Pose, usize)> {
-        if let Some(segment) = self.fits(entry.pose.position) {
-            return Some((entry.pose, segment));
+    pub(super) fn seen_from(&self, preferred: Pose, place: DVec3) -> Option<(Pose, usize)> {
+        if let Some(segment) = self.fits(preferred.position) {
+            return Some((preferred, segment));
         }
-        let place = entry.candidate.position;
-        let out = (entry.pose.position - place).try_normalize()?;
+        let out = (preferred.position - place).try_normalize()?;
         let start = place + out * BEFORE_MM;
         let mut best: Option<(f64, Pose, usize)> = None;
         // Those near the preferred one first.
@@ -244,7 +235,7 @@ impl FlightController {
             let ways = (1u32..).map(|n| f64::from(n) * STEP_MM).take_while(|mm| *mm < reach);
             let fitting = |mm: f64| self.fits(start + direction * mm).map(|segment| (mm, segment));
             if let Some((mm, segment)) = ways.filter(|mm| *mm >= NEAR_MM).find_map(fitting) {
-                let attitude = Attitude::new(-direction, entry.pose.attitude.up);
+                let attitude = Attitude::new(-direction, preferred.attitude.up);
                 best = Some((mm, Pose { position: start + direction * mm, attitude }, segment));
             }
         }

@@ -7,6 +7,8 @@ use crate::app::FlightApp;
 use crate::components::flight::State;
 use crate::host::window::assistant::Assistant;
 use crate::host::window::contract::WindowView;
+use crate::host::window::document::Document;
+use crate::host::window::finding_tool::FindingTool;
 use crate::host::window::intent::{ActionContext, Intent, WhyNot};
 use crate::host::window::kinds::Kinds;
 use crate::host::window::measures::Measures;
@@ -86,6 +88,16 @@ impl FlightController {
             I::MeasureLesion => self.switch_lesions(now),
             I::ForgetLesion => self.asked_assistant(now).forget_measured(),
             I::LoadAnswers(path) => self.asked_assistant(now).load(&path),
+            I::Finding(of) => self.mark_finding(of, now),
+            I::VisitFinding(n) => self.visit_finding(n, now),
+            I::EditFinding(n, edit) => self.edit_finding(n, edit, now),
+            I::MoveEnd(n, which, to) => self.move_end(n, which, to, now),
+            I::MeasureFinding(n) => self.measure_finding(n, now),
+            I::DeleteFinding(n) => self.delete_finding(n, now),
+            I::DrawFindings => self.findings.order_missing(&self.document.found().findings),
+            I::Outside => self.mark_outside(now),
+            I::EditOutside(n, category, text) => self.edit_outside(n, category, text, now),
+            I::DeleteOutside(n) => self.delete_outside(n, now),
             I::Kinds => {
                 self.show_kinds(!self.kinds.is_shown(), now);
                 left = Some(I::Kinds);
@@ -173,6 +185,14 @@ impl WindowView for FlightController {
         self.assistant.as_deref()
     }
 
+    fn document(&self) -> &Document {
+        &self.document
+    }
+
+    fn findings(&self) -> &FindingTool {
+        &self.findings
+    }
+
     fn seen(&self) -> &Seen {
         &self.seen
     }
@@ -188,7 +208,9 @@ impl WindowView for FlightController {
     fn has_marks(&self) -> bool {
         let measures = !self.measures.list().is_empty() || self.measures.begun().is_some();
         let lesions = self.assistant().is_some_and(|a| a.is_marking || a.measured().is_some());
-        measures || lesions || self.slices.cursor().is_some()
+        let found = self.document.found();
+        let findings = !found.findings.is_empty() || !found.outside.is_empty();
+        measures || lesions || findings || self.slices.cursor().is_some()
     }
 
     fn is_on(&self, intent: &Intent) -> bool {

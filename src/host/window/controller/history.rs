@@ -11,7 +11,7 @@ impl FlightController {
     pub(crate) fn set_document(&mut self, document: Document) {
         self.document = document;
         let found = self.document.found();
-        self.measures.restore(found.distances.clone());
+        self.measures.restore(&found.distances);
         found.kinds.iter().for_each(|told| self.kinds.adopt(told));
         self.document.begin_with(self.kinds.told());
     }
@@ -45,7 +45,7 @@ impl FlightController {
     }
 
     /// Reports that something could not be stored and is kept for this session only.
-    fn report_kept(&mut self, kept: Result<()>, now: Instant) {
+    pub(super) fn report_kept(&mut self, kept: Result<()>, now: Instant) {
         let Err(e) = kept else { return };
         let told = format!("not saved: {}: {}", e.what, e.why);
         if let Some(assistant) = &mut self.assistant {
@@ -73,12 +73,13 @@ impl FlightController {
 
     fn restore(&mut self, part: Part, now: Instant) {
         match part {
-            Part::Distances(list) => self.measures.restore(list),
+            Part::Distances(list) => self.measures.restore(&list),
             Part::Kinds(told) => {
                 self.kinds.restore(told, &self.flight, &self.background, now);
                 self.colour_slices();
                 self.say("kind undone: updating the lumen ...", now);
             }
+            Part::Findings(_) | Part::Outside(_) => self.say("finding: the last change is undone", now),
             Part::Answers(said) => {
                 if let Some(assistant) = &mut self.assistant {
                     assistant.tell(String::new());

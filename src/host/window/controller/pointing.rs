@@ -103,6 +103,10 @@ impl FlightController {
         match self.measures.click(place) {
             Some(made) => {
                 self.say(made.text(), now);
+                if self.takes_diameter([made.from, made.to], now) {
+                    self.measures.delete_last();
+                    self.switch_measuring(now);
+                }
                 self.note_changes(now);
             }
             None => self.document.note_begun(),
@@ -110,7 +114,7 @@ impl FlightController {
     }
 
     /// Returns the visible point of the wall at a pixel of the picture.
-    fn place_at(&self, [x, y]: [f64; 2]) -> Option<DVec3> {
+    pub(super) fn place_at(&self, [x, y]: [f64; 2]) -> Option<DVec3> {
         let view = self.flight.camera::<Picture>()?.view.as_ref()?;
         let ray = view.ray_at(x, y)?;
         let mm = first_crossing(self.flight.shown_scan(), ray.origin, ray.direction, f64::INFINITY)?;

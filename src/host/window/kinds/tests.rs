@@ -2,6 +2,7 @@ use std::thread;
 use std::time::Duration;
 
 use super::*;
+use crate::app::findings::Findings;
 use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scan, Scene};
 use crate::components::slices::{Orientation, SliceView};
 use crate::host::window::assistant::Said;
@@ -9,7 +10,7 @@ use crate::host::window::contract::WindowView;
 use crate::host::window::controller::FlightController;
 use crate::host::window::controller::tests::{cockpit_of, perform, trace, wish};
 use crate::host::window::document::Document;
-use crate::host::window::findings::{self, Findings};
+use crate::host::window::findings;
 use crate::host::window::intent::{Intent, SliceInput};
 use crate::host::window::session::ScanFiles;
 use crate::math::hash;
@@ -90,7 +91,7 @@ fn what_another_window_told_meanwhile_stays() {
     let place = no_colon(&c).0;
     let mut c = flown(&mut scan);
     let kinds = Some(vec![(place, GasKind::Colon)]);
-    findings::keep(&file, &Findings { kinds, ..Findings::default() }).unwrap();
+    findings::keep(&file, &Findings { scan: files.content.hash.clone(), kinds, ..Findings::default() }).unwrap();
     let meanwhile = kept(&files);
     c.set_document(Document::open(&files).0);
     c.show_kinds(true, now);

@@ -11,7 +11,7 @@ use super::{Context, Panel, PanelEntry, Requests, rows};
 use crate::host::window::assistant::{
     Assistant, Entry, Found, Measured, Order, Reading, SIDE, Said, Showing, State, answer_text,
 };
-use crate::host::window::intent::Intent;
+use crate::host::window::intent::{FindingOf, Intent};
 use crate::host::window::style::{ACCENT, INK, SOFT, Severity, TEXT, text};
 use crate::polyps::answers::Answer;
 
@@ -166,6 +166,11 @@ impl CandidatesPanel {
                     requests.ask(Intent::Answer(answer));
                 }
             }
+            if let Some(n) = current
+                && ui.button("Finding").on_hover_text("mark this candidate as a finding").clicked()
+            {
+                requests.ask(Intent::Finding(FindingOf::Candidate(n)));
+            }
             if ui.add_enabled(may_undo, egui::Button::new("Undo")).clicked() {
                 requests.ask(Intent::UndoAnswer);
             }
@@ -285,6 +290,9 @@ fn words(p: &Painter, at: Pos2, n: usize, entry: &Entry, is_narrow: bool, said: 
 fn lesion(measured: &Measured, ui: &mut Ui, requests: &mut Requests) {
     ui.horizontal_wrapped(|ui| {
         ui.label(RichText::new("Measured lesion").strong().color(DIAMETER));
+        if measured.is_ok() && ui.small_button("Finding").on_hover_text("mark it as a finding").clicked() {
+            requests.ask(Intent::Finding(FindingOf::Lesion));
+        }
         if ui.small_button("Forget").clicked() {
             requests.ask(Intent::ForgetLesion);
         }

@@ -4,9 +4,9 @@ use egui::{Color32, Event, Painter, PointerButton, Pos2, Rect, Sense, Stroke, Ui
 use glam::DVec3;
 
 use super::candidates::Marking;
-use super::{Context, Panel, PanelEntry, Requests, candidates, measures, notches};
+use super::{Context, Panel, PanelEntry, Requests, candidates, findings, measures, notches};
 use crate::components::output::Picture;
-use crate::host::window::intent::Intent;
+use crate::host::window::intent::{EndAt, Intent};
 use crate::host::window::overlay::{self, HudState};
 use crate::host::window::style::Severity;
 use crate::space::first_crossing;
@@ -36,6 +36,8 @@ enum Drag {
     Look,
     /// Rolls the view.
     Roll,
+    /// Moves an end of a finding's diameter: the finding's number, and 0 or 1.
+    End(usize, usize),
 }
 
 /// The flight's panel.
@@ -57,7 +59,7 @@ impl Panel for FlightPanel {
         }
         // Tab must not reach it: its keys belong to the flight.
         ui.allocate_rect(rect, Sense::CLICK | Sense::DRAG);
-        self.mouse(ui, rect, requests);
+        self.mouse(context, ui, rect, requests);
         requests.show_flight(rect);
         let p = ui.painter_at(rect);
         marks(context, &p, rect);
@@ -67,7 +69,7 @@ impl Panel for FlightPanel {
 
 impl FlightPanel {
     /// Processes event by event, since a button may be pressed and released between two layouts.
-    fn mouse(&mut self, ui: &Ui, rect: Rect, requests: &mut Requests) {
+    fn mouse(&mut self, context: &Context<'_>, ui: &Ui, rect: Rect, requests: &mut Requests) {
         let scale = f64::from(ui.pixels_per_point());
         let here = |at: Pos2| rect.contains(at) && ui.ctx().layer_id_at(at).is_none_or(|l| l == ui.layer_id());
         let (events, time, down) = ui.input(|i| (i.events.clone(), i.time, i.pointer.any_down()));
@@ -82,9 +84,11 @@ impl FlightPanel {
                 Event::PointerMoved(at) => {
                     if let (Some(drag), Some(last)) = (self.drag, self.pointer) {
                         let [right, down] = [at.x - last.x, at.y - last.y].map(|d| f64::from(d) * scale);
+                        let pixel = [at.x - rect.min.x, at.y - rect.min.y].map(|d| f64::from(d) * scale);
                         requests.ask(match drag {
                             Drag::Look => Intent::Look([right, down]),
                             Drag::Roll => Intent::Roll(right),
+                            Drag::End(n, which) => Intent::MoveEnd(n, which, EndAt::Pixel(pixel)),
                         });
                     }
                     self.pointer = Some(at);
@@ -94,8 +98,10 @@ impl FlightPanel {
                     match (button, overlay::on_bar(rect, pos)) {
                         (PointerButton::Primary, Some(share)) => requests.ask(Intent::Seek(share)),
                         (PointerButton::Primary, None) if !modifiers.shift => {
-                            self.drag = Some(Drag::Look);
-                            self.pressed = Some((pos, time));
+                            let end =
+                                seen(context, rect, ui.pixels_per_point(), |view| findings::end_at(context, pos, view));
+                            self.drag = Some(end.flatten().map_or(Drag::Look, |(n, which)| Drag::End(n, which)));
+                            self.pressed = Some((pos, time)).filter(|_| self.drag == Some(Drag::Look));
                         }
                         (PointerButton::Primary | PointerButton::Secondary, _) => self.drag = Some(Drag::Roll),
                         (PointerButton::Middle | PointerButton::Extra1 | PointerButton::Extra2, _) => {}
@@ -142,8 +148,25 @@ fn marks(context: &Context<'_>, p: &Painter, rect: Rect) {
     if !context.view.has_marks() {
         return;
     }
-    let Some(view) = context.flight.camera::<Picture>().and_then(|picture| picture.view.as_ref()) else { return };
-    let (volume, scale) = (context.flight.shown_scan(), p.pixels_per_point());
+    seen(context, rect, p.pixels_per_point(), |view| {
+        measures::draw(context, p, view.find);
+        candidates::draw(context, p, view);
+        findings::draw(context, p, view);
+        if let Some(at) = cursor.and_then(view.find) {
+            for (colour, width) in [(Color32::BLACK, 3.5), (Severity::Notice.colour(), 1.5)] {
+                p.circle_stroke(at, 7.0, Stroke::new(width, colour));
+                for d in [vec2(1.0, 0.0), vec2(-1.0, 0.0), vec2(0.0, 1.0), vec2(0.0, -1.0)] {
+                    p.line_segment([at + d * 7.0, at + d * 13.0], Stroke::new(width, colour));
+                }
+            }
+        }
+    });
+}
+
+/// Calls a function with where points are seen in the picture, in a rectangle of the window; `None` if there is no picture.
+fn seen<T>(context: &Context<'_>, rect: Rect, scale: f32, then: impl FnOnce(&Marking<'_>) -> T) -> Option<T> {
+    let view = context.flight.camera::<Picture>().and_then(|picture| picture.view.as_ref())?;
+    let volume = context.flight.shown_scan();
     let project = |place: DVec3| {
         let [x, y] = view.project(place)?;
         Some(rect.min + vec2(x as f32, y as f32) / scale)
@@ -157,14 +180,5 @@ fn marks(context: &Context<'_>, p: &Painter, rect: Rect) {
         let within = x >= 0.0 && y >= 0.0 && x < view.width() as f64 && y < view.height() as f64;
         (within && !hidden).then(|| rect.min + vec2(x as f32, y as f32) / scale)
     };
-    measures::draw(context, p, find);
-    candidates::draw(context, p, &Marking { project: &project, find: &find });
-    if let Some(at) = cursor.and_then(find) {
-        for (colour, width) in [(Color32::BLACK, 3.5), (Severity::Notice.colour(), 1.5)] {
-            p.circle_stroke(at, 7.0, Stroke::new(width, colour));
-            for d in [vec2(1.0, 0.0), vec2(-1.0, 0.0), vec2(0.0, 1.0), vec2(0.0, -1.0)] {
-                p.line_segment([at + d * 7.0, at + d * 13.0], Stroke::new(width, colour));
-            }
-        }
-    }
+    Some(then(&Marking { project: &project, find: &find }))
 }

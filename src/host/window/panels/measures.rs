@@ -4,7 +4,7 @@ use egui::{Align2, Color32, Painter, Pos2, ScrollArea, Stroke, Ui};
 use glam::DVec3;
 
 use super::{Context, Panel, PanelEntry, Requests};
-use crate::host::window::intent::Intent;
+use crate::host::window::intent::{FindingOf, Intent};
 use crate::host::window::style::{INK, SOFT, TEXT, text};
 
 /// Its entry in the table.
@@ -40,6 +40,9 @@ impl Panel for MeasuresPanel {
                 ui.horizontal(|ui| {
                     if ui.button("Delete").on_hover_text("delete this distance").clicked() {
                         requests.ask(Intent::DeleteMeasure(n));
+                    }
+                    if ui.button("Finding").on_hover_text("mark a finding of this diameter").clicked() {
+                        requests.ask(Intent::Finding(FindingOf::Distance(n)));
                     }
                     let name = format!("{}.  {}", n + 1, m.text());
                     if ui.button(name).on_hover_text("show it in the slices").clicked() {

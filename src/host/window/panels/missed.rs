@@ -4,7 +4,7 @@ use egui::{Align2, Color32, RichText, ScrollArea, Ui, vec2};
 
 use super::{Context, Panel, PanelEntry, Requests, rows};
 use crate::coverage::{LiveCoverage, Missed};
-use crate::host::window::intent::Intent;
+use crate::host::window::intent::{FindingOf, Intent};
 use crate::host::window::style::{INK, SOFT, Severity, TEXT, text};
 
 /// Its entry in the table.
@@ -51,6 +51,11 @@ impl Panel for MissedPanel {
                 (Some(_), Some(_)) => "Stop on the way",
             };
             context.button(ui, text, "review", requests);
+            if let Some(n) = seen.current()
+                && ui.button("Finding").on_hover_text("mark a finding at the chosen patch").clicked()
+            {
+                requests.ask(Intent::Finding(FindingOf::Missed(n)));
+            }
             if ui.button("List again").on_hover_text("the patches not seen so far").clicked() {
                 requests.ask(Intent::ListMissed);
             }

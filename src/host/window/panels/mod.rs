@@ -4,6 +4,7 @@
 //! out.
 
 pub mod candidates;
+pub mod findings;
 pub mod flight;
 pub mod kinds;
 pub mod measures;
@@ -30,6 +31,7 @@ pub const BUILT_IN: &[PanelEntry] = &[
     slices::CORONAL,
     slices::SAGITTAL,
     slices::ACROSS,
+    findings::PANEL,
     measures::PANEL,
     candidates::PANEL,
     kinds::PANEL,

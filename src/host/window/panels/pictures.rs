@@ -22,7 +22,7 @@ use crate::host::window::contract::WindowView;
 use crate::host::window::controller::FlightController;
 use crate::host::window::controller::tests::wish;
 use crate::host::window::directions::Directions;
-use crate::host::window::intent::{Intent, SliceInput};
+use crate::host::window::intent::{FindingEdit, Intent, SliceInput};
 use crate::host::window::interface::{Interface, WindowSize};
 use crate::host::window::keys::KeySettings;
 use crate::host::window::layer::{Placed, compose};
@@ -252,6 +252,44 @@ fn candidates_look_as_they_did() {
     stage.click(place);
     hold("candidates-list", &stage.panel(&mut *panel));
     hold("candidates-measured", &stage.panel(&mut *(slices::AXIAL.make)()));
+}
+
+#[test]
+fn findings_look_as_they_did() {
+    let mut stage = Stage::new(ImageSize::new(420, 640), 1.0);
+    let mut panel = (findings::PANEL.make)();
+    stage.panel(&mut *(flight::PANEL.make)());
+    let truth = shared(&PhantomSettings::embedded(1)).0.truth();
+    for polyp in &truth.polyps[..2] {
+        stage.click(polyp.position);
+        stage.perform("finding");
+    }
+    stage.perform("finding-outside");
+    for request in [
+        Intent::EditFinding(1, FindingEdit::Note("on a fold".to_owned())),
+        Intent::EditOutside(0, "E2".to_owned(), "a cyst of the left kidney".to_owned()),
+    ] {
+        wish(&mut stage.controller, request, Instant::now());
+    }
+    let begun = Instant::now();
+    let is_made = |c: &FlightController| {
+        let list = &c.document().found().findings;
+        list.iter().all(|f| c.findings().pictures(&f.id).is_some() && f.along_mm.is_some())
+    };
+    while !is_made(&stage.controller) {
+        assert!(begun.elapsed() < std::time::Duration::from_secs(120));
+        stage.controller.advance(Instant::now()).unwrap();
+        stage.controller.hud(Instant::now());
+        stage.panel(&mut *(flight::PANEL.make)());
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    hold("findings-list", &stage.panel(&mut *panel));
+    let place = stage.controller.document().found().findings[1].place;
+    stage.click(place);
+    wish(&mut stage.controller, Intent::VisitFinding(1), Instant::now());
+    stage.controller.advance(Instant::now()).unwrap();
+    hold("findings-flight", &stage.panel(&mut *(flight::PANEL.make)()));
+    hold("findings-axial", &stage.panel(&mut *(slices::AXIAL.make)()));
 }
 
 #[test]

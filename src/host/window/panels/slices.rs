@@ -8,9 +8,9 @@ use glam::DVec3;
 
 use super::candidates::Marking;
 use super::flight::{CLICK, TWICE_S};
-use super::{Context, Panel, PanelEntry, Requests, candidates, measures, notches};
+use super::{Context, Panel, PanelEntry, Requests, candidates, findings, measures, notches};
 use crate::components::slices::{Orientation, SliceView};
-use crate::host::window::intent::SliceInput;
+use crate::host::window::intent::{EndAt, Intent, SliceInput};
 use crate::host::window::style::{ACCENT, INK, SOFT, Severity, TEXT, label, text};
 use crate::render::slice::{SlabKind, Slice};
 
@@ -67,6 +67,8 @@ enum Drag {
     Point,
     Window,
     Pan,
+    /// Moves an end of a finding's diameter: the finding's number, and 0 or 1.
+    End(usize, usize),
 }
 
 struct SlicePanel {
@@ -92,6 +94,16 @@ impl Placed {
         self.slice.world([f64::from(pixel.x), f64::from(pixel.y)])
     }
 
+    /// Calls a function with where points are seen in the image: those near its plane, or within its slab.
+    fn seen<T>(&self, view: &SliceView, then: impl FnOnce(&Marking<'_>) -> T) -> T {
+        let near = (view.slab.mm() * 0.5).max(NEAR_PLANE_MM);
+        let find = |place: DVec3| {
+            let (at, before) = self.point(place);
+            (before.abs() <= near).then_some(at)
+        };
+        then(&Marking { project: &|place| Some(self.point(place).0), find: &find })
+    }
+
     /// Projects a point (world, mm) into the window. Also returns its signed distance in front of the plane, mm.
     fn point(&self, world: DVec3) -> (Pos2, f64) {
         let ([x, y], before) = self.slice.pixel(world);
@@ -106,7 +118,7 @@ impl Panel for SlicePanel {
         requests.show_slice(self.orientation, rect);
         let view = context.slice(self.orientation);
         let placed = view.and_then(SliceView::shown).map(|slice| Placed { slice, rect, scale: ui.pixels_per_point() });
-        self.mouse(ui, rect, placed, requests);
+        self.mouse(context, ui, rect, placed, requests);
         if let (Some(view), Some(placed)) = (view, placed) {
             self.draw(context, &ui.painter_at(rect), view, placed, ui);
         }
@@ -126,7 +138,7 @@ impl SlicePanel {
         Self { orientation, drag: None, pointer: None, pressed: None }
     }
 
-    fn mouse(&mut self, ui: &Ui, rect: Rect, placed: Option<Placed>, requests: &mut Requests) {
+    fn mouse(&mut self, context: &Context<'_>, ui: &Ui, rect: Rect, placed: Option<Placed>, requests: &mut Requests) {
         let here = |at: Pos2| rect.contains(at) && ui.ctx().layer_id_at(at).is_none_or(|l| l == ui.layer_id());
         // A press outside an open menu closes it, and does nothing else.
         let menu = egui::Popup::is_any_open(ui.ctx());
@@ -153,6 +165,15 @@ impl SlicePanel {
                         Some(Drag::Pan) => {
                             requests.slice(SliceInput::Pan(self.orientation, [right * mm, down * mm]));
                         }
+                        Some(Drag::End(n, which)) => {
+                            let end = context.found().findings.get(n).and_then(|f| Some(f.ends?[which]));
+                            if let (Some(end), Some(placed)) = (end, placed) {
+                                // In the plane of the image alone: the end may lie before or behind it.
+                                let (_, before) = placed.point(end);
+                                let to = placed.world(at) + placed.slice.frame.normal() * before;
+                                requests.ask(Intent::MoveEnd(n, which, EndAt::World(to)));
+                            }
+                        }
                         None => {}
                     }
                     self.pointer = Some(at);
@@ -165,6 +186,12 @@ impl SlicePanel {
                         PointerButton::Secondary => Some(Drag::Window),
                         PointerButton::Extra1 | PointerButton::Extra2 => None,
                     };
+                    let view = context.slice(self.orientation);
+                    if let (Some(Drag::Point), Some(placed), Some(view)) = (self.drag, placed, view)
+                        && let Some((n, which)) = placed.seen(view, |view| findings::end_at(context, pos, view))
+                    {
+                        self.drag = Some(Drag::End(n, which));
+                    }
                     if let Some(placed) = placed.filter(|_| self.drag == Some(Drag::Point)) {
                         let near = |p: (Pos2, f64)| p.0.distance(pos) <= CLICK && time - p.1 <= TWICE_S;
                         let twice = self.pressed.take().is_some_and(near);
@@ -194,13 +221,11 @@ impl SlicePanel {
         let inner = placed.rect.shrink(MARGIN);
         crosshair(p, placed, placed.point(context.place()).0);
         camera(context, p, placed);
-        let near = (view.slab.mm() * 0.5).max(NEAR_PLANE_MM);
-        let find = |place: DVec3| {
-            let (at, before) = placed.point(place);
-            (before.abs() <= near).then_some(at)
-        };
-        measures::draw(context, p, find);
-        candidates::draw(context, p, &Marking { project: &|place| Some(placed.point(place).0), find: &find });
+        placed.seen(view, |view| {
+            measures::draw(context, p, view.find);
+            candidates::draw(context, p, view);
+            findings::draw(context, p, view);
+        });
         let edges = placed.slice.frame.edges();
         label(p, inner.left_center(), Align2::LEFT_CENTER, &edges[0]);
         label(p, inner.right_center(), Align2::RIGHT_CENTER, &edges[1]);

@@ -7,7 +7,8 @@ use super::frame::Frame;
 use super::graph::Graph;
 use super::kinds::GasKind;
 use super::model::{Lumen, Told};
-use super::{CORE_HU, SNAP_MM, choose, ends, judgement, runs};
+use super::runs::Rows;
+use super::{CORE_HU, GAS_HU, SNAP_MM, choose, ends, judgement, runs};
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::volume::Volume;
@@ -88,6 +89,18 @@ pub fn gas_at(volume: &Volume, world: DVec3, progress: &Progress) -> Result<Opti
     let Some((label, _)) = ends::nearest(volume.grid(), &core.rows, world, SNAP_MM, |_| true) else { return Ok(None) };
     let rows = core.rows.select(|c| (c == label).then_some(0));
     lumen(volume, Core { rows, count: 1, ..core }, frame, progress).map(Some)
+}
+
+/// Finds the gas connected to the voxel of gas nearest to `world` (mm), within 5 mm, in a part of a scan. It has no segments, and what
+/// leaves the part belongs to it. `None` if there is no gas.
+///
+/// # Errors
+/// Returns an error if cancelled, or if the volume cannot be addressed.
+pub fn gas_near(volume: &Volume, world: DVec3, progress: &Progress) -> Result<Option<Lumen>> {
+    let (rows, _) = runs::components_below(volume, GAS_HU, progress)?;
+    let Some((label, _)) = ends::nearest(volume.grid(), &rows, world, SNAP_MM, |_| true) else { return Ok(None) };
+    let gas = rows.select(|c| (c == label).then_some(0));
+    Ok(Some(Lumen::of_rows(volume.grid(), gas, Rows::default())))
 }
 
 /// Builds a lumen from its cores.

@@ -32,7 +32,7 @@ mod stretches;
 #[cfg(test)]
 mod tests;
 
-pub use find::{find, find_told, gas_at};
+pub use find::{find, find_told, gas_at, gas_near};
 pub use interior::Interior;
 pub use kinds::{Chain, Considered, Features, GasKind, Judged, Landmarks, RULES, Rule, judge};
 pub use map::{GasBody, KindMap};

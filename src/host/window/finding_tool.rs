@@ -1,0 +1,158 @@
+//! What a window makes of findings in the background: their measures, a view that shows them, and pictures.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::background::{Background, BackgroundTask};
+use super::job::Job;
+use crate::app::findings::{Finding, FindingPicture, View, lesion_at};
+use crate::error::Result;
+use crate::polyps::Measurement;
+use crate::render::Preset;
+use crate::space::PreparedVolume;
+
+/// Side of a picture, pixels.
+pub(crate) const SIDE: usize = 240;
+/// A voxel whose value differs by more than this from the scanned one was restored, HU.
+const RESTORED_HU: i32 = 60;
+
+/// The scans that findings are measured in and shown in.
+pub(crate) struct Scans {
+    /// The one in whose wall they are: cleansed, if that is known.
+    pub(crate) cleansed: PreparedVolume,
+    /// The same with its tag, if it has some.
+    pub(crate) scanned: Option<PreparedVolume>,
+    /// The one that is shown: its wall was pointed at.
+    pub(crate) shown: PreparedVolume,
+    /// Renders the pictures.
+    pub(crate) preset: Preset,
+}
+
+/// What is to be made of a finding.
+struct Order {
+    id: String,
+    /// True if the lesion there is to be measured, too.
+    measures: bool,
+}
+
+/// What was made of a finding.
+pub(crate) struct Made {
+    pub(crate) id: String,
+    /// The lesion, if that was asked for; why not, if nothing bulges there.
+    pub(crate) measured: Option<std::result::Result<Measurement, String>>,
+    pub(crate) view: View,
+    pictures: Vec<FindingPicture>,
+}
+
+/// The findings of a window beside their document.
+pub(crate) struct FindingTool {
+    /// The id of the finding that is chosen.
+    current: Option<String>,
+    /// True if the next distance is the diameter of the chosen one.
+    pub(crate) takes_distance: bool,
+    waiting: VecDeque<Order>,
+    task: BackgroundTask<Made>,
+    pictures: BTreeMap<String, Arc<[FindingPicture]>>,
+}
+
+impl FindingTool {
+    pub(crate) fn new(now: Instant) -> Self {
+        Self {
+            current: None,
+            takes_distance: false,
+            waiting: VecDeque::new(),
+            task: BackgroundTask::new(now),
+            pictures: BTreeMap::new(),
+        }
+    }
+
+    /// Chooses a finding.
+    pub(crate) fn choose(&mut self, id: Option<String>) {
+        self.takes_distance &= self.current == id;
+        self.current = id;
+    }
+
+    /// Returns the number of the chosen one in a list.
+    pub(crate) fn current(&self, list: &[Finding]) -> Option<usize> {
+        let id = self.current.as_deref()?;
+        list.iter().position(|f| f.id == id)
+    }
+
+    /// Returns the pictures of a finding, once they are made.
+    pub(crate) fn pictures(&self, id: &str) -> Option<&Arc<[FindingPicture]>> {
+        self.pictures.get(id)
+    }
+
+    /// Asks for the pictures of a finding, and its measures.
+    pub(crate) fn order(&mut self, id: &str, measures: bool) {
+        self.waiting.push_back(Order { id: id.to_owned(), measures });
+    }
+
+    /// Asks for the pictures of those that have none.
+    pub(crate) fn order_missing(&mut self, list: &[Finding]) {
+        let is_idle = self.waiting.is_empty() && !self.task.is_working() && self.task.failed().is_none();
+        let without = list.iter().filter(|f| is_idle && !self.pictures.contains_key(&f.id));
+        self.waiting.extend(without.map(|f| Order { id: f.id.clone(), measures: false }));
+    }
+
+    /// Begins with what is due next. `scans` is called if something is.
+    pub(crate) fn begin(
+        &mut self,
+        list: &[Finding],
+        scans: impl FnOnce() -> Scans,
+        background: &Background,
+        now: Instant,
+    ) {
+        while !self.task.is_working()
+            && let Some(Order { id, measures }) = self.waiting.pop_front()
+        {
+            // It may have been deleted.
+            if let Some(finding) = list.iter().find(|f| f.id == id) {
+                let job = start(finding.clone(), measures, scans(), background);
+                return self.task.go_over(job, now);
+            }
+        }
+    }
+
+    /// Takes what was made, once it is there.
+    pub(crate) fn take(&mut self, now: Instant) -> Option<Made> {
+        let (mut made, _) = self.task.take(now)?.ok()?;
+        self.pictures.insert(made.id.clone(), std::mem::take(&mut made.pictures).into());
+        Some(made)
+    }
+
+    /// Returns when its progress has to be looked at.
+    pub(crate) fn next(&self, now: Instant) -> Option<Instant> {
+        self.task.next().or((!self.waiting.is_empty()).then_some(now))
+    }
+}
+
+/// Measures and draws a finding.
+///
+/// # Errors
+/// Returns status 1 if the system cannot start a thread.
+fn start(mut finding: Finding, measures: bool, scans: Scans, background: &Background) -> Result<Job<Made>> {
+    background.start_apart("finding", move |progress| {
+        let Scans { cleansed, scanned, shown, preset } = scans;
+        let is_restored = |place| {
+            let hu = |volume: &PreparedVolume| {
+                let [i, j, k] = volume.voxels().grid().voxel(place).round().to_array().map(|x| x as i64);
+                i32::from(volume.voxels().get(i, j, k))
+            };
+            scanned.as_ref().is_some_and(|scanned| (hu(scanned) - hu(&shown)).abs() > RESTORED_HU)
+        };
+        let measured = measures.then(|| {
+            let iso = shown.transfer().iso();
+            lesion_at(shown.voxels(), iso, finding.place, is_restored, progress)
+        });
+        progress.check()?;
+        if let Some(Ok(measured)) = &measured {
+            finding.measure(measured);
+        }
+        let view = finding.view_in(&cleansed)?;
+        finding.view = Some(view);
+        let pictures = finding.pictures(&cleansed, scanned.as_ref(), preset, SIDE)?;
+        Ok(Made { id: finding.id, measured: measured.map(|m| m.map_err(|e| e.why)), view, pictures })
+    })
+}
