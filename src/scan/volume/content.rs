@@ -34,12 +34,15 @@ pub fn content_hash(volume: &Volume) -> String {
     let at = |axis: usize, n: usize| if axes[axis].1 { dims[axis] - 1 - n } else { n } * stride[axis];
     let slice = |k: usize| {
         let mut hash = Sha256::new();
-        let mut row = Vec::with_capacity(2 * dims[0]);
+        let mut row = vec![[0; 2]; dims[0]];
         for j in 0..dims[1] {
-            row.clear();
             let first = at(2, k) + at(1, j);
-            row.extend((0..dims[0]).flat_map(|i| data[first + at(0, i)].to_le_bytes()));
-            hash.update(&row);
+            if stride[0] == 1 && !axes[0].1 {
+                row.iter_mut().zip(&data[first..]).for_each(|(bytes, v)| *bytes = v.to_le_bytes());
+            } else {
+                row.iter_mut().enumerate().for_each(|(i, bytes)| *bytes = data[first + at(0, i)].to_le_bytes());
+            }
+            hash.update(row.as_flattened());
         }
         hash.finalize()
     };
