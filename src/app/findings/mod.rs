@@ -7,6 +7,7 @@ mod file;
 mod lesion;
 mod pictures;
 mod place;
+mod quality;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -23,6 +24,7 @@ pub use file::{MOST_DISTANCES, MOST_KINDS, kinds};
 pub use lesion::lesion_at;
 pub use pictures::{FindingPicture, LEVEL_HU, WIDTH_HU};
 pub use place::{normal_at, wall_near};
+pub use quality::{DISTENDED_MM, QualityRule, SegmentFacts, add_seconds, judge, quality, quality_rules};
 
 /// What a reader finds in a scan. Places are world, mm LPS.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -454,6 +454,24 @@ impl LiveCoverage {
         if all > 0.0 { mm2(&|t| self.seen_s[patch(t)] < f32::INFINITY) / all } else { 0.0 }
     }
 
+    /// Returns the middle of each patch, world mm.
+    pub fn middles(&self) -> impl Iterator<Item = DVec3> {
+        self.middles.iter().map(|m| self.wall.origin + m[0].as_dvec3())
+    }
+
+    /// Sums the area of the patches and what was seen of it, mm², by bins: `bins` has the bin of each patch, and one beyond `count` counts
+    /// nowhere.
+    pub fn seen_by(&self, bins: &[u8], count: usize) -> Vec<[f64; 2]> {
+        let mut sums = vec![[0.0; 2]; count];
+        for ((bin, mm2), seen_s) in bins.iter().zip(&self.mm2).zip(&self.seen_s) {
+            if let Some([all, seen]) = sums.get_mut(usize::from(*bin)) {
+                *all += f64::from(*mm2);
+                *seen += if *seen_s < f32::INFINITY { f64::from(*mm2) } else { 0.0 };
+            }
+        }
+        sums
+    }
+
     /// True if all patches of a block were seen.
     pub(super) fn is_all_seen(&self, block: usize) -> bool {
         self.left[block] == 0

@@ -16,6 +16,7 @@ use super::intent::{Intent, SliceInput, WhyNot};
 use super::kinds::Kinds;
 use super::measures::Measures;
 use super::overlay::HudState;
+use super::quality::QualityTool;
 use super::seen::Seen;
 use super::slices::Slices;
 use crate::app::FlightApp;
@@ -81,6 +82,10 @@ pub(crate) trait WindowView {
     fn document(&self) -> &Document;
     /// Returns the chosen finding, and the pictures of all.
     fn findings(&self) -> &FindingTool;
+    /// Returns the quality of the segments.
+    fn quality(&self) -> &QualityTool;
+    /// Returns the segment of the colon that the camera is in, if it is known.
+    fn segment_here(&self) -> Option<&'static str>;
     /// Returns what of the wall was seen.
     fn seen(&self) -> &Seen;
     /// Returns the kinds of gas.

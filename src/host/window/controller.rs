@@ -40,6 +40,7 @@ use super::overlay::HudState;
 use super::overlays::Overlays;
 use super::own_action::OwnActions;
 use super::place::{Bar, Chosen, Place, which_segment};
+use super::quality::QualityTool;
 use super::seen::Seen;
 use super::slices::Slices;
 use super::style::{Severity, angle};
@@ -125,6 +126,8 @@ pub(crate) struct FlightController {
     document: Document,
     /// The chosen finding, and the pictures of all.
     findings: FindingTool,
+    /// How well each segment can be read, and how long it was looked at.
+    quality: QualityTool,
     /// True once anything of the flight was shown.
     has_shown: bool,
     background: Background,
@@ -212,6 +215,7 @@ impl FlightController {
             looking: Looking::default(),
             document,
             findings: FindingTool::new(now),
+            quality: QualityTool::new(now),
             has_shown: false,
             background,
             last_guide,
@@ -336,6 +340,7 @@ impl FlightController {
             self.looking.next(),
             seen,
             found,
+            self.quality.next(),
             finer,
             message,
             self.figures.next(),
@@ -673,6 +678,7 @@ impl FlightController {
         self.take_kinds(now);
         self.take_seen(now);
         self.take_findings(now);
+        self.take_quality(now);
         for note in self.flight.take_notes() {
             // A message is soon gone, and the last ones are never read.
             if self.reported.insert(note.clone()) {
@@ -793,7 +799,7 @@ impl FlightController {
             directions: Directions::of(&self.flight.pose().attitude),
             bar: self.bar(),
             // Until the measure along the colon is known, the distance flown: its length is approximate, so it is rounded.
-            place: self.place.text(&self.flight).unwrap_or_else(|| {
+            place: self.place.text(&self.flight).map(|place| self.with_time(place)).unwrap_or_else(|| {
                 let mm =
                     format!("{:.0} of about {:.0} mm", (along / 10.0).round() * 10.0, (length / 10.0).round() * 10.0);
                 self.figures.part().map_or(mm.clone(), |part| format!("{part}, {mm}"))

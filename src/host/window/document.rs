@@ -8,7 +8,7 @@ use super::assistant::{Reading, Said};
 use super::findings;
 use super::measures::Measure;
 use super::session::ScanFiles;
-use crate::app::findings::{Finding, Findings, Outside};
+use crate::app::findings::{Finding, Findings, Outside, Quality};
 use crate::error::{Error, Result};
 use crate::fields::lumen::Told;
 
@@ -171,6 +171,18 @@ impl Document {
             _ => None,
         });
         lists.chain([&mut self.found.findings]).flatten().filter(|f| f.id == id).for_each(add);
+        self.keep()
+    }
+
+    /// Stores the quality of the segments, which is no change of the reader's.
+    ///
+    /// # Errors
+    /// Returns status 5 if it cannot be stored.
+    pub(crate) fn set_quality(&mut self, list: Vec<Quality>) -> Result<()> {
+        if self.found.quality == list {
+            return Ok(());
+        }
+        self.found.quality = list;
         self.keep()
     }
 

@@ -130,6 +130,9 @@ pub(crate) enum Intent {
     /// Delete a finding outside the colon, by its number.
     DeleteOutside(usize),
 
+    /// Compute the quality of the segments.
+    Quality,
+
     /// Show or hide the kinds of gas in the slices, and their panel.
     Kinds,
     /// Give a kind to the chosen body of gas, or with `None` take back what was given.

@@ -46,6 +46,7 @@ mod placement;
 pub mod plane;
 mod present_timer;
 mod printed;
+mod quality;
 mod recent;
 mod screen;
 mod screenshot;

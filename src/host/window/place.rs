@@ -139,12 +139,22 @@ impl Place {
         self.followed = (views.len(), last);
     }
 
-    /// Returns where a place (world, mm) is along the colon, if that is known.
-    pub(crate) fn along_of(&self, place: DVec3) -> Option<AlongColon> {
+    /// Returns the part of the colon that the camera is in, if the parts are known.
+    pub(crate) fn part(&self) -> Option<&'static str> {
+        self.at?.part
+    }
+
+    /// Returns the measure along the lumen that is flown, if it is known.
+    pub(crate) fn along(&self) -> Option<&Arc<Along>> {
         match &self.flown {
-            Some((_, Known::Yes(along))) => along.of(place),
+            Some((_, Known::Yes(along))) => Some(along),
             _ => None,
         }
+    }
+
+    /// Returns where a place (world, mm) is along the colon, if that is known.
+    pub(crate) fn along_of(&self, place: DVec3) -> Option<AlongColon> {
+        self.along()?.of(place)
     }
 
     /// Returns the measure along the colon, if it is known from the rectum to the cecum and a log is not replayed, whose bar is that of

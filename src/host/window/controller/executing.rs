@@ -12,6 +12,7 @@ use crate::host::window::finding_tool::FindingTool;
 use crate::host::window::intent::{ActionContext, Intent, WhyNot};
 use crate::host::window::kinds::Kinds;
 use crate::host::window::measures::Measures;
+use crate::host::window::quality::QualityTool;
 use crate::host::window::seen::Seen;
 use crate::host::window::slices::Slices;
 
@@ -95,6 +96,7 @@ impl FlightController {
             I::MeasureFinding(n) => self.measure_finding(n, now),
             I::DeleteFinding(n) => self.delete_finding(n, now),
             I::DrawFindings => self.findings.order_missing(&self.document.found().findings),
+            I::Quality => self.quality.want(),
             I::Outside => self.mark_outside(now),
             I::EditOutside(n, category, text) => self.edit_outside(n, category, text, now),
             I::DeleteOutside(n) => self.delete_outside(n, now),
@@ -191,6 +193,14 @@ impl WindowView for FlightController {
 
     fn findings(&self) -> &FindingTool {
         &self.findings
+    }
+
+    fn quality(&self) -> &QualityTool {
+        &self.quality
+    }
+
+    fn segment_here(&self) -> Option<&'static str> {
+        self.place.part()
     }
 
     fn seen(&self) -> &Seen {

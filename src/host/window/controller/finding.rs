@@ -19,6 +19,8 @@ use crate::space::first_crossing;
 
 /// A place this much before the wall that hides it is seen, mm.
 const SEEN_MM: f64 = 0.5;
+/// Where the lumen is sought before a wall, mm.
+const BEFORE_MM: [f64; 4] = [1.0, 2.0, 3.0, 5.0];
 /// A candidate within this of where all views point is what is pointed at, mm.
 const SAME_MM: f64 = 0.5;
 
@@ -43,6 +45,8 @@ impl FlightController {
         self.report_kept(kept, now);
         self.findings.choose(Some(id.clone()));
         self.findings.order(&id, measures);
+        // It goes into the report.
+        self.quality.want();
         let undo = self.actions.hint("undo", "undoes it");
         self.say(format!("{told}{undo}"), now);
         self.quiet = 0;
@@ -53,7 +57,7 @@ impl FlightController {
         let at = |place: DVec3| Finding { place, ..Finding::default() };
         let on_wall = |place: DVec3| {
             let (place, normal) = wall_near(self.flight.shown_scan(), place)?;
-            Some(Finding { place, normal: Some(normal), ..Finding::default() })
+            self.is_colon(place, normal).then_some(Finding { place, normal: Some(normal), ..Finding::default() })
         };
         let assistant = self.assistant();
         match of {
@@ -87,6 +91,17 @@ impl FlightController {
                 Ok((on_wall(patch.position).unwrap_or_else(|| at(patch.position)), None))
             }
         }
+    }
+
+    /// True if the gas or the fluid before a place of a wall belongs to the colon, or may.
+    fn is_colon(&self, place: DVec3, normal: DVec3) -> bool {
+        let setup = self.flight.setup();
+        let lumen = setup.plan.gas.as_ref().unwrap_or(&setup.lumen);
+        let is_inside = |mm: f64| {
+            let at = place + normal * mm;
+            lumen.segment_at(at).is_some() || lumen.is_fluid(at)
+        };
+        BEFORE_MM.into_iter().any(is_inside)
     }
 
     /// Returns where the reader looks, world mm: the place that all views show, or the wall in the middle of the picture.

@@ -3,8 +3,11 @@
 use std::time::Instant;
 
 use super::FlightController;
+#[cfg(test)]
+use crate::app::findings::Quality;
 use crate::error::Result;
 use crate::host::window::document::{Document, Part};
+use crate::host::window::quality::time_text;
 
 impl FlightController {
     /// Begins with what was found when the scan was open before.
@@ -13,6 +16,7 @@ impl FlightController {
         let found = self.document.found();
         self.measures.restore(&found.distances);
         found.kinds.iter().for_each(|told| self.kinds.adopt(told));
+        self.quality.restore(&found.quality);
         self.document.begin_with(self.kinds.told());
     }
 
@@ -35,6 +39,40 @@ impl FlightController {
     /// True if something was made that is not kept.
     pub(crate) fn has_unkept(&self) -> bool {
         self.document.has_unkept()
+    }
+
+    /// Lets the clock of the segments go on, and takes what was computed of their quality.
+    pub(super) fn take_quality(&mut self, now: Instant) {
+        self.quality.tick(self.place.part(), now);
+        if self.quality.advance(&self.flight, self.place.along(), &self.background, now) {
+            self.attention = true;
+        }
+    }
+
+    /// Adds to a place in words how long the segment was looked at.
+    pub(super) fn with_time(&self, place: String) -> String {
+        let seconds = self.place.part().map_or(0.0, |part| self.quality.seconds_in(part));
+        if seconds < 1.0 { place } else { format!("{place}; {} in this segment", time_text(seconds)) }
+    }
+
+    /// Sets how long segments were looked at.
+    #[cfg(test)]
+    pub(crate) fn set_seconds(&mut self, list: &[(&str, f64)]) {
+        let quality = |(segment, seconds): &(&str, f64)| Quality {
+            segment: (*segment).to_owned(),
+            seconds: *seconds,
+            ..Quality::default()
+        };
+        self.quality.restore(&list.iter().map(quality).collect::<Vec<_>>());
+    }
+
+    /// Stores the times and the quality of the segments, when the scan is closed.
+    ///
+    /// # Errors
+    /// Returns status 5 if they cannot be stored.
+    pub(crate) fn keep_quality(&mut self) -> Result<()> {
+        let list = self.quality.stored(&self.flight, &self.document.found().quality);
+        self.document.set_quality(list)
     }
 
     /// Notes what was changed. Call it after each change, so that the order is that of the changes.

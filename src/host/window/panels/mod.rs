@@ -14,6 +14,7 @@ mod numbers;
 pub mod open;
 #[cfg(test)]
 mod pictures;
+pub mod quality;
 mod rows;
 mod series;
 pub mod slices;
@@ -36,6 +37,7 @@ pub const BUILT_IN: &[PanelEntry] = &[
     candidates::PANEL,
     kinds::PANEL,
     missed::PANEL,
+    quality::PANEL,
     open::PANEL,
 ];
 

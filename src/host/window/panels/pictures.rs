@@ -284,6 +284,15 @@ fn findings_look_as_they_did() {
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
     hold("findings-list", &stage.panel(&mut *panel));
+    let mut panel = (quality::PANEL.make)();
+    while stage.controller.quality().list(stage.controller.flight()).is_none() {
+        assert!(begun.elapsed() < std::time::Duration::from_secs(120));
+        stage.panel(&mut *panel);
+        stage.controller.advance(Instant::now()).unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    stage.controller.set_seconds(&[("rectum", 62.0), ("sigmoid", 187.4)]);
+    hold("quality-list", &stage.panel(&mut *panel));
     let place = stage.controller.document().found().findings[1].place;
     stage.click(place);
     wish(&mut stage.controller, Intent::VisitFinding(1), Instant::now());

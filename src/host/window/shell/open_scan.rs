@@ -20,6 +20,7 @@ use crate::host::window::overlay::Content;
 use crate::host::window::photograph::Views;
 use crate::host::window::present_timer::PresentTimer;
 use crate::host::window::{Finish, Opening, Resume, Shown};
+use crate::output;
 use crate::progress::Progress;
 
 /// What becomes of a scan.
@@ -132,6 +133,9 @@ impl OpenScan {
         match stage {
             Stage::Flying(mut controller) => {
                 controller.save_the_rest();
+                if let Err(e) = controller.keep_quality() {
+                    output::to_stderr(format_args!("note: the times of this reading were not saved: {e}"));
+                }
                 *framebuffer = controller.flight_mut().views().take_presenter();
                 if self.unflown.take().is_some() {
                     return Ok(());

@@ -116,6 +116,15 @@ impl Along {
         self.lines.iter().map(|l| l.line.length_mm).sum()
     }
 
+    /// Returns the caliber along the line from the rectum: the distance of each point along it and the diameter of the largest ball around
+    /// that point, mm. Guesses are left out.
+    pub fn calibers(&self) -> impl Iterator<Item = [f64; 2]> {
+        let points = |l: &Line| l.mm.iter().zip(&l.line.radius_mm).map(|(mm, r)| [*mm, 2.0 * r]).collect::<Vec<_>>();
+        let line = self.lines.first();
+        let is_known = move |p: &[f64; 2]| line.is_some_and(|l| !l.is_guessed(p[0]));
+        line.map(points).unwrap_or_default().into_iter().filter(is_known)
+    }
+
     /// Returns the stretches (from, to; mm along the line) that are guesses.
     pub fn guessed(&self) -> &[[f64; 2]] {
         self.lines.first().map_or(&[], |l| &l.line.guessed)

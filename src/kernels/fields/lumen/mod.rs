@@ -28,6 +28,7 @@ pub(in crate::fields) mod residue;
 pub(in crate::fields) mod runs;
 mod segment;
 mod septa;
+mod shell;
 mod stretches;
 #[cfg(test)]
 mod tests;
@@ -44,6 +45,7 @@ pub use others::{Other, Others};
 pub use position::Lying;
 pub use residue::{Remnant, Residue, residue};
 pub use segment::Segment;
+pub use shell::WallArea;
 pub use stretches::CoarseAlong;
 
 /// A voxel at or below this is gas, HU: the middle of the wall's opacity ramp.
