@@ -13,6 +13,7 @@ pub use crate::cli::phantom_args::{PhantomArgs, PhantomFeature, PhantomPosition,
 pub use crate::cli::values::{Pair, Point, Triple};
 pub use crate::render::ImageSize;
 
+use crate::app::findings::Scheme;
 use crate::cli::messages::{failed, print};
 use crate::cli::values::{count, number, plane, seed, slab, steps, threads};
 use crate::cli::{Program, unbuilt};
@@ -91,6 +92,8 @@ pub enum Command {
     Candidates(CandidatesArgs),
     /// Measure the lesion at a point of the wall
     Measure(MeasureArgs),
+    /// Write the report of a reading, and its findings for other programs
+    Case(CaseArgs),
     /// Write a synthetic colon and its ground truth
     Phantom(PhantomArgs),
     /// Print an input's size, spacing, orientation and header as JSON
@@ -383,6 +386,32 @@ pub struct MeasureArgs {
     /// Write times and memory as JSON
     #[arg(long, value_name = "F.json")]
     pub stats: Option<PathBuf>,
+}
+
+/// `case`'s arguments.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct CaseArgs {
+    /// Scan: NIfTI, MetaImage, NRRD, DICOM, or a folder of PNG slices
+    pub input: PathBuf,
+    /// Findings, as a window keeps them
+    #[arg(long, value_name = "F.json")]
+    pub findings: PathBuf,
+    /// Output folder
+    #[arg(long, value_name = "DIR/")]
+    pub out: PathBuf,
+    /// Category scheme: c-rads-2023, england, or a .toml file
+    #[arg(long, value_name = "SCHEME", default_value = "c-rads-2023")]
+    pub scheme: String,
+    /// Write times, quality by segment and the category as JSON
+    #[arg(long, value_name = "F.json")]
+    pub stats: Option<PathBuf>,
+}
+
+impl CaseArgs {
+    /// Returns the scheme's file, if it is one.
+    pub(super) fn scheme_file(&self) -> Option<PathBuf> {
+        Some(PathBuf::from(&self.scheme)).filter(|_| !Scheme::is_built_in(&self.scheme))
+    }
 }
 
 /// `info`'s arguments.

@@ -4,11 +4,12 @@ use std::ops::Range;
 use std::path::Path;
 
 use glam::DVec3;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use crate::app::Timings;
 use crate::app::scan::check_thick;
 use crate::cli::args::{CenterlineArgs, Global, Point};
+use crate::cli::case::curve;
 use crate::cli::files;
 use crate::cli::messages::say;
 use crate::cli::prepare;
@@ -267,29 +268,8 @@ fn write(path: &Path, format: Format, line: &Centerline) -> Result<()> {
             writeln!(w, "x_mm,y_mm,z_mm,radius_mm")?;
             line.points.iter().zip(&line.radius_mm).try_for_each(|(p, r)| writeln!(w, "{},{},{},{r}", p.x, p.y, p.z))
         }),
-        Format::Markups => output::write_json(path, &markups(line)),
+        Format::Markups => output::write_json(path, &curve(line)),
     }
-}
-
-/// A curve in the format of 3D Slicer's markups.
-fn markups(line: &Centerline) -> Value {
-    let point = |(n, p): (usize, &DVec3)| {
-        json!({
-            "id": (n + 1).to_string(), "label": "", "description": "", "associatedNodeID": "",
-            "position": p, "orientation": [-1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0],
-            "selected": true, "locked": true, "visibility": false, "positionStatus": "defined",
-        })
-    };
-    json!({
-        "@schema": "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/Resources/Schema/\
-                    markups-schema-v1.0.3.json#",
-        "markups": [{
-            "type": "Curve", "coordinateSystem": "LPS", "coordinateUnits": "mm", "locked": true,
-            "labelFormat": "%N-%d", "lastUsedControlPointNumber": line.points.len(),
-            "controlPoints": line.points.iter().enumerate().map(point).collect::<Vec<_>>(),
-            "measurements": [],
-        }],
-    })
 }
 
 #[cfg(test)]
@@ -377,7 +357,7 @@ mod tests {
     fn a_curve_for_slicer_has_the_points_of_the_line_in_its_frame() {
         let points = vec![DVec3::new(1.0, -2.0, 3.5), DVec3::new(4.0, 5.0, -6.0)];
         let line = Centerline { points, radius_mm: vec![2.0; 2], length_mm: 12.1, guessed: Vec::new() };
-        let file = markups(&line);
+        let file = curve(&line);
         let curve = &file["markups"][0];
         assert_eq!([&curve["type"], &curve["coordinateSystem"], &curve["coordinateUnits"]], ["Curve", "LPS", "mm"]);
         let controls = curve["controlPoints"].as_array().unwrap();
@@ -401,7 +381,7 @@ mod tests {
             run(&centerline, &args.global, &Progress::new())
         };
         run_to(&out).unwrap();
-        let line: Value = serde_json::from_str(&std::fs::read_to_string(&out).unwrap()).unwrap();
+        let line: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&out).unwrap()).unwrap();
         let length_mm = line["length_mm"].as_f64().unwrap();
         assert!((15.0..26.0).contains(&length_mm), "between the last balls in the tube: {length_mm} mm");
         let points: Vec<DVec3> = serde_json::from_value(line["points"].clone()).unwrap();

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::cli::args::{Args, Command, FlyArgs, PlaneArgs};
 use crate::cli::candidates::gallery;
+use crate::cli::case;
 use crate::error::{Error, Result};
 use crate::output;
 use crate::volume::io::companions;
@@ -35,6 +36,15 @@ impl Files {
             Some(Command::Candidates(a)) => {
                 let page = a.gallery.as_ref().map(|folder| folder.join(gallery::PAGE));
                 none().reads([&a.input]).writes([&a.out]).writes(&a.stats).writes(&a.gallery).writes(page)
+            }
+            Some(Command::Case(a)) => {
+                let files = case::FILES.map(|name| a.out.join(name));
+                none()
+                    .reads([&a.input, &a.findings])
+                    .reads(a.scheme_file())
+                    .writes([&a.out])
+                    .writes(files)
+                    .writes(&a.stats)
             }
             Some(Command::Measure(a)) => none().reads([&a.input]).writes(&a.out).writes(&a.stats),
             Some(Command::Phantom(a)) => none().writes([&a.out]).writes(&a.twin).writes(&a.labels).writes(&a.truth),

@@ -8,7 +8,7 @@ use crate::cli::Program;
 use crate::cli::args::{self, Args};
 
 /// Options with a file that is read, as `command option`; all others are written. `*` stands for `fly` and its kin.
-const READ: [&str; 21] = [
+const READ: [&str; 24] = [
     "* input",
     "* answers",
     "* replay",
@@ -25,6 +25,9 @@ const READ: [&str; 21] = [
     "centerline mask",
     "candidates input",
     "measure input",
+    "case input",
+    "case findings",
+    "case scheme",
     "info input",
     "plane lumen",
     "plane scene",

@@ -2,6 +2,7 @@
 
 pub mod args;
 mod candidates;
+mod case;
 mod centerline;
 mod cleanse;
 mod explain;
@@ -414,6 +415,7 @@ fn run(program: &Program, args: Args) -> Result<()> {
             | Command::Segment(_)
             | Command::Candidates(_)
             | Command::Measure(_)
+            | Command::Case(_)
             | Command::Surface(_)
             | Command::Cleanse(_)
             | Command::Centerline(_),
@@ -426,6 +428,7 @@ fn run(program: &Program, args: Args) -> Result<()> {
         Some(Command::Slice(a)) => slice::run(&a, &global, &progress),
         Some(Command::Segment(a)) => segment::run(&a, &global, &progress),
         Some(Command::Measure(a)) => measure::run(&a, &global, &progress),
+        Some(Command::Case(a)) => case::run(&a, &global, &progress),
         Some(Command::Candidates(a)) => candidates::run(program, &a, &global, &progress),
         Some(Command::Surface(a)) => surface::run(&a, &global, &progress),
         Some(Command::Cleanse(a)) => cleanse::run(&a, &global, &progress),

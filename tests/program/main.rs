@@ -1,6 +1,7 @@
 //! The whole program: its command line, its reports, and its module dependencies.
 
 mod candidates;
+mod case;
 mod centerline;
 mod circles;
 mod cleanse;

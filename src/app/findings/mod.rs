@@ -8,6 +8,7 @@ mod lesion;
 mod pictures;
 mod place;
 mod quality;
+mod scheme;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -25,6 +26,7 @@ pub use lesion::lesion_at;
 pub use pictures::{FindingPicture, LEVEL_HU, WIDTH_HU};
 pub use place::{normal_at, wall_near};
 pub use quality::{DISTENDED_MM, QualityRule, SegmentFacts, add_seconds, judge, quality, quality_rules};
+pub use scheme::{Draft, OutsideCategory, Scheme, SchemeRule};
 
 /// What a reader finds in a scan. Places are world, mm LPS.
 #[derive(Clone, Debug, Default, PartialEq)]

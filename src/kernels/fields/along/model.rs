@@ -116,6 +116,11 @@ impl Along {
         self.lines.iter().map(|l| l.line.length_mm).sum()
     }
 
+    /// Returns the line from the rectum to the cecum; `None` if no one line leads there.
+    pub fn line(&self) -> Option<&Centerline> {
+        self.lines.first().filter(|_| self.is_whole()).map(|l| &l.line)
+    }
+
     /// Returns the caliber along the line from the rectum: the distance of each point along it and the diameter of the largest ball around
     /// that point, mm. Guesses are left out.
     pub fn calibers(&self) -> impl Iterator<Item = [f64; 2]> {

@@ -32,7 +32,7 @@ use serde_json::{Map, Value, json};
 
 use crate::error::{Error, Result};
 use crate::progress::Progress;
-use crate::volume::{Grid, PatientPosition, Volume, hounsfield};
+use crate::volume::{Grid, PatientPosition, Volume, content_hash, hounsfield};
 
 /// Options for reading an input.
 #[derive(Clone, Debug, Default)]
@@ -358,6 +358,7 @@ fn describe(volume: &Volume) -> Map<String, Value> {
     put("direction", json!(grid.direction().transpose().to_cols_array()));
     put("hu_range", json!([low, high]));
     put("bytes", json!(volume.bytes()));
+    put("content", json!(content_hash(volume)));
     map
 }
 
@@ -402,15 +403,47 @@ pub fn is_dicom(path: &Path) -> bool {
     read.is_ok() && (recognise::is_dicom(&head) || recognise::is_bare_dicom(&head))
 }
 
+/// A segment of a segmentation.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SegmentLabel {
+    /// The value of its voxels.
+    pub value: u8,
+    /// Its name.
+    pub name: String,
+    /// Its colour, sRGB.
+    pub colour: [u8; 3],
+}
+
+/// Writes labels (one byte per voxel, x fastest) on `grid` as a segmentation that 3D Slicer opens (`.seg.nrrd`), with the names and
+/// colours of its segments.
+///
+/// # Errors
+/// Returns status 4 if cancelled, 5 if the file cannot be written; status 1 if the labels do not match the grid's size.
+pub fn save_segments(
+    path: &Path,
+    grid: &Grid,
+    labels: &[u8],
+    segments: &[SegmentLabel],
+    progress: &Progress,
+) -> Result<()> {
+    check_size(path, grid, labels)?;
+    write::segments(path, grid, labels, segments, progress)
+}
+
+fn check_size(path: &Path, grid: &Grid, labels: &[u8]) -> Result<()> {
+    if labels.len() == grid.len() {
+        return Ok(());
+    }
+    let why = format!("{} labels for {} voxels", labels.len(), grid.len());
+    Err(Error::fault(path.display().to_string(), why, "report this as a bug"))
+}
+
 /// Writes a label mask (one byte per voxel, x fastest) on `grid`. The file extension selects the format.
 ///
 /// # Errors
 /// Same as [`save`]; status 1 if the mask does not match the grid's size.
 pub fn save_mask(path: &Path, grid: &Grid, mask: &[u8], progress: &Progress) -> Result<()> {
-    if mask.len() != grid.len() {
-        let why = format!("{} labels for {} voxels", mask.len(), grid.len());
-        return Err(Error::fault(path.display().to_string(), why, "report this as a bug"));
-    }
+    check_size(path, grid, mask)?;
     write::write(path, grid, voxels::Voxels::Labels(mask), progress)
 }
 

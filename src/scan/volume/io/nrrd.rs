@@ -195,7 +195,7 @@ fn after_lines(path: &Path, begin: u64, lines: u64) -> Result<u64> {
 }
 
 /// Returns the header for `grid` with gzipped voxels of `kind`, in `data_file` or (`None`) after the header.
-pub(crate) fn header(grid: &Grid, kind: VoxelKind, data_file: Option<&str>) -> String {
+pub(crate) fn header(grid: &Grid, kind: VoxelKind, data_file: Option<&str>, pairs: &[(String, String)]) -> String {
     let [x, y, z] = grid.dims();
     let steps = grid.direction() * DMat3::from_diagonal(grid.spacing());
     let v = |v: DVec3| format!("({},{},{})", v.x, v.y, v.z);
@@ -214,6 +214,9 @@ pub(crate) fn header(grid: &Grid, kind: VoxelKind, data_file: Option<&str>) -> S
         v(steps.z_axis),
         v(grid.origin()),
     );
+    for (key, value) in pairs {
+        let _ = writeln!(h, "{key}:={value}");
+    }
     match data_file {
         Some(name) => {
             let _ = writeln!(h, "data file: {name}");

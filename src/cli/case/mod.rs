@@ -1,0 +1,203 @@
+//! `colvis case`: what a reading of a scan leaves behind, for colleagues and for other programs.
+
+mod map;
+mod markups;
+mod page;
+mod segments;
+
+pub(super) use markups::curve;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use serde_json::json;
+
+use crate::app::Timings;
+use crate::app::findings::{
+    Finding, FindingPicture, Findings, NoScan, Quality, Scheme, SegmentFacts, lesion_at, quality,
+};
+use crate::cli::args::{CaseArgs, Global};
+use crate::cli::messages::say;
+use crate::cli::prepare;
+use crate::error::{Error, Result};
+use crate::fields::cleanse::Cleansed;
+use crate::fields::lumen::residue;
+use crate::fields::{Along, Lumen};
+use crate::output;
+use crate::progress::Progress;
+use crate::render::Preset;
+use crate::space::PreparedVolume;
+use crate::volume::{Volume, content_hash, content_origin};
+
+/// Side of a finding's pictures, pixels.
+const SIDE: usize = 360;
+/// What to do about an invalid file of findings.
+const HINT: &str = "give the file that a window keeps of a reading, below findings/ in its folder";
+/// A voxel whose value differs by more than this from the scanned one was restored, HU.
+const RESTORED_HU: i32 = 60;
+
+/// The files that it writes.
+pub(super) const FILES: [&str; 5] =
+    ["report.html", "findings.json", "findings.mrk.json", "centerline.mrk.json", "lumen.seg.nrrd"];
+
+/// Everything that the report tells.
+struct Case {
+    findings: Findings,
+    /// Pictures of each finding.
+    pictures: Vec<Vec<FindingPicture>>,
+    /// The quality of each segment, with what else is known of it.
+    quality: Vec<(Quality, SegmentFacts)>,
+    scheme: Scheme,
+    along: Arc<Along>,
+    /// The colon from outside.
+    map: Option<map::Map>,
+}
+
+/// Runs the command. Fails with status 2 for an unknown scheme, 3 if the input or the findings cannot be read or do not belong together,
+/// 4 if there is no colon or if interrupted, 5 if an output cannot be written.
+pub(crate) fn run(args: &CaseArgs, global: &Global, progress: &Progress) -> Result<()> {
+    let scheme = Scheme::named(&args.scheme)?;
+    let findings = Findings::read(&args.findings, NoScan::Refused, HINT)?;
+    let transfer = prepare::transfer(global)?;
+    output::make_folder(&args.out)?;
+    let stats: Vec<&Path> = args.stats.iter().map(std::path::PathBuf::as_path).collect();
+    output::check_folders(&stats)?;
+    let mut timings = Timings::default();
+    // The command cleanses the scan itself; `--cleanse` must not do it first.
+    let global = Global { cleanse: false, ..global.clone() };
+    let scanned = prepare::load(&args.input, &global, &mut timings, progress)?;
+    let hash = timings.time("hash_s", || Ok(content_hash(&scanned)))?;
+    if findings.scan != hash {
+        let why = format!("belongs to another scan than {}", args.input.display());
+        return Err(Error::file(&args.findings, why, "give the findings of this scan"));
+    }
+    let mut findings = findings.moved_to(content_origin(scanned.grid()));
+    let found = prepare::lumen(&scanned, &mut timings, progress)?;
+    if found.segments.is_empty() {
+        return Err(prepare::no_lumen(&scanned, &found, "report it by hand: there is nothing to show"));
+    }
+    let along = timings.time("along_s", || found.along(&scanned, progress))?;
+    let segments = timings.time("segments_s", || segments::of(&found, &along))?;
+    let quality = timings.time("quality_s", || judged(&scanned, &found, &along, &findings.quality, progress))?;
+    let map = timings.time("map_s", || map::of(&found, &along, &findings, progress))?;
+    // Pictures show the wall under tag, and the tag beside it.
+    let mut cleansed = scanned.clone();
+    let (_, taken) = prepare::cleansed_lumen(&mut cleansed, None, false, &mut timings, progress)?;
+    let preset = Preset::default();
+    let prepared = |volume: Volume| preset.preparation.prepare(Arc::new(volume), transfer);
+    let scanned = taken.as_ref().map(|_| prepared(scanned));
+    let shown = prepared(cleansed);
+    timings.time("findings_s", || {
+        findings.findings.iter_mut().try_for_each(|f| complete(f, &shown, taken.as_ref(), &along, progress))
+    })?;
+    progress.stage("rendering findings", findings.findings.len() as u64);
+    let pictures = findings.findings.iter().map(|f| {
+        progress.advance(1)?;
+        f.pictures(&shown, scanned.as_ref(), preset, SIDE)
+    });
+    let pictures = timings.time("pictures_s", || pictures.collect::<Result<Vec<_>>>())?;
+    findings.quality = quality.iter().map(|(q, _)| q.clone()).collect();
+    let case = Case { findings, pictures, quality, scheme, along, map };
+    write(&case, &segments, args, progress)?;
+    if let Some(path) = &args.stats {
+        let mut stats = prepare::stats_head(&timings);
+        let draft = case.scheme.draft(&case.findings.findings, &case.findings.quality);
+        for (name, value) in [
+            ("quality", json!(case.findings.quality)),
+            (
+                "inadequate",
+                json!(case.quality.iter().map(|(_, f)| &f.why).filter(|w| !w.is_empty()).collect::<Vec<_>>()),
+            ),
+            ("category", json!(draft.category)),
+            ("because", json!(draft.because)),
+        ] {
+            stats.insert(name.to_owned(), value);
+        }
+        output::write_json(path, &stats)?;
+    }
+    Ok(())
+}
+
+/// Writes everything but the stats, each file in one piece, the page last.
+fn write(case: &Case, segments: &segments::Segments, args: &CaseArgs, progress: &Progress) -> Result<()> {
+    let file = |name: &str| args.out.join(name);
+    case.findings.write(&file("findings.json"))?;
+    output::write_json(&file("findings.mrk.json"), &markups::findings(&case.findings))?;
+    if let Some(line) = case.along.line() {
+        output::write_json(&file("centerline.mrk.json"), &curve(line))?;
+    } else {
+        say("centerline.mrk.json is left out: no line leads from the rectum to the cecum");
+    }
+    segments.write(&file("lumen.seg.nrrd"), progress)?;
+    let page = page::html(case)?;
+    output::write_whole(&file("report.html"), |w| w.write_all(page.as_bytes()))
+}
+
+/// Returns the quality of each segment, with coverage and times of the reading.
+fn judged(
+    volume: &Volume,
+    lumen: &Lumen,
+    along: &Along,
+    read: &[Quality],
+    progress: &Progress,
+) -> Result<Vec<(Quality, SegmentFacts)>> {
+    let found = residue(volume, lumen, progress)?;
+    let mut list = quality(along, lumen, Some(&found), |_| false)?;
+    let read: BTreeMap<&str, &Quality> = read.iter().map(|q| (q.segment.as_str(), q)).collect();
+    for (quality, _) in &mut list {
+        if let Some(own) = read.get(quality.segment.as_str()) {
+            (quality.coverage, quality.seconds) = (own.coverage, own.seconds);
+        }
+    }
+    Ok(list)
+}
+
+/// Adds what the file does not tell of a finding: its measures, and where it is along the colon.
+fn complete(
+    finding: &mut Finding,
+    shown: &PreparedVolume,
+    taken: Option<&Cleansed>,
+    along: &Along,
+    progress: &Progress,
+) -> Result<()> {
+    let volume = shown.voxels();
+    if !volume.grid().contains(finding.place) {
+        let why = format!("finding {} lies outside the scan", finding.id);
+        return Err(Error::input("findings", why, "give the findings of this scan"));
+    }
+    if finding.ends.is_none() && finding.diameter_mm.is_none() {
+        let is_restored = |at| {
+            let grid = volume.grid();
+            let [i, j, k] = grid.voxel(at).round().to_array().map(|x| x.max(0.0) as usize);
+            let is_inside = [i, j, k].iter().zip(grid.dims()).all(|(n, d)| *n < d);
+            let before = || taken?.changes.get(grid.index(i, j, k));
+            is_inside
+                && before().is_some_and(|hu| {
+                    (i32::from(hu) - i32::from(volume.get(i as i64, j as i64, k as i64))).abs() > RESTORED_HU
+                })
+        };
+        match lesion_at(volume, shown.transfer().iso(), finding.place, is_restored, progress) {
+            Ok(measured) => {
+                let (form, tissue, confidence) = (finding.morphology, finding.tissue, finding.confidence);
+                finding.measure(&measured);
+                // What the reader said stays.
+                finding.morphology = form.or(finding.morphology);
+                finding.tissue = tissue.or(finding.tissue);
+                finding.confidence = confidence.or(finding.confidence);
+            }
+            Err(e) => {
+                progress.check()?;
+                say(&format!("finding {} has no measures: {}", finding.id, e.why));
+            }
+        }
+    }
+    if finding.along_mm.is_none()
+        && let Some(at) = along.of(finding.place)
+    {
+        finding.along_mm = Some(at.mm);
+        finding.segment = finding.segment.take().or(at.part.map(str::to_owned));
+    }
+    finding.view = Some(finding.view_in(shown)?);
+    Ok(())
+}
