@@ -20,6 +20,8 @@ use support::program::colvis;
 use support::skips::skip;
 use support::xvfb;
 
+mod findings;
+
 #[path = "../support"]
 mod support {
     pub(crate) mod failed;
