@@ -281,6 +281,9 @@ impl FlightController {
     /// Marks a finding outside the colon, at the place that all views show.
     pub(super) fn mark_outside(&mut self, now: Instant) {
         let Some(place) = self.slices.cursor() else { return self.say("click in a slice first", now) };
+        if !self.flight.shown_scan().voxels().grid().contains(place) {
+            return self.say("that is outside the scan: click in the patient", now);
+        }
         let outside = Outside { place, category: String::new(), text: String::new() };
         let kept = self.document.change_outside(None, |list| list.push(outside));
         self.report_kept(kept, now);
@@ -460,6 +463,10 @@ mod tests {
             perform(&mut c, "undo", now);
             assert_eq!(c.document().found().outside.len(), left);
         }
+        // A slice shows more than the scan.
+        wish(&mut c, Intent::Slice(SliceInput::Click(DVec3::splat(-500.0))), now);
+        perform(&mut c, "finding-outside", now);
+        assert!(c.document().found().outside.is_empty());
         for id in [FindingOf::Candidate(0), FindingOf::Lesion, FindingOf::Distance(7), FindingOf::Missed(0)] {
             wish(&mut c, Intent::Finding(id), now);
             assert_eq!(list(&c).len(), 2, "{id:?}");

@@ -178,7 +178,8 @@ impl CandidatesPanel {
         if let Some((n, said)) = current.zip(said) {
             let mut note = said.note.clone();
             let edit = TextEdit::singleline(&mut note).hint_text("note").desired_width(f32::INFINITY).char_limit(2000);
-            if ui.add(edit).changed() {
+            // What the field remembers of its text is not the next candidate's.
+            if ui.add(edit.id_salt(("note", n))).changed() {
                 requests.ask(Intent::Note(n, note));
             }
         }

@@ -79,7 +79,8 @@ impl Panel for FindingsPanel {
         if let Some((n, finding)) = current.and_then(|n| Some((n, found.findings.get(n)?))) {
             ui.separator();
             ScrollArea::vertical().id_salt("finding").auto_shrink([false, true]).show(ui, |ui| {
-                self.chosen(context, n, finding, ui, requests);
+                // What a field remembers of its text is not the next finding's.
+                ui.push_id(&finding.id, |ui| self.chosen(context, n, finding, ui, requests));
             });
         }
     }
@@ -244,7 +245,8 @@ impl FindingsPanel {
 
 /// Lays out a finding outside the colon.
 fn outside_row(n: usize, outside: &Outside, ui: &mut Ui, requests: &mut Requests) {
-    ui.push_id(("outside", n), |ui| {
+    // The number alone is that of the next one once this is deleted.
+    ui.push_id(("outside", n, outside.place.to_array().map(f64::to_bits)), |ui| {
         ui.horizontal(|ui| {
             ui.set_min_height(OUTSIDE_ROW);
             if ui.button("Outside").on_hover_text("show it in the slices").clicked() {

@@ -301,6 +301,47 @@ fn findings_look_as_they_did() {
     hold("findings-axial", &stage.panel(&mut *(slices::AXIAL.make)()));
 }
 
+/// A text field remembers what was written in it, and the next finding has another one.
+#[test]
+fn a_note_is_not_undone_into_that_of_another_finding() {
+    let mut stage = Stage::new(ImageSize::new(420, 640), 1.0);
+    let mut panel = (findings::PANEL.make)();
+    stage.panel(&mut *(flight::PANEL.make)());
+    for polyp in &shared(&PhantomSettings::embedded(1)).0.truth().polyps[..2] {
+        stage.click(polyp.position);
+        stage.perform("finding");
+    }
+    let mut after = |stage: &mut Stage, event: Event| {
+        let mut requests = stage.lay_out(vec![event], &mut |context, ui, requests| panel.ui(context, ui, requests)).1;
+        let edits = requests.take().into_iter().filter(|intent| matches!(intent, Intent::EditFinding(..)));
+        edits.for_each(|intent| wish(&mut stage.controller, intent, Instant::now()));
+        let list = &stage.controller.document().found().findings;
+        list.iter().map(|f| f.note.clone()).collect::<Vec<_>>()
+    };
+    let key = |key, modifiers| Event::Key { key, physical_key: None, pressed: true, repeat: false, modifiers };
+    let undo = || key(egui::Key::Z, Modifiers::CTRL | Modifiers::COMMAND);
+    // The keyboard goes from field to field until it is at the note.
+    let write = |stage: &mut Stage, after: &mut dyn FnMut(&mut Stage, Event) -> Vec<String>, words: &str| {
+        let is_written = (0..30).any(|_| {
+            after(stage, key(egui::Key::Tab, Modifiers::NONE));
+            after(stage, Event::Text(words.to_owned())).iter().any(|note| note == words)
+        });
+        assert!(is_written, "no note is written");
+    };
+    write(&mut stage, &mut after, "second");
+    // After a second, which is 60 pictures, it is a step that can be undone.
+    for _ in 0..65 {
+        assert_eq!(after(&mut stage, Event::PointerGone), ["", "second"]);
+    }
+    wish(&mut stage.controller, Intent::VisitFinding(0), Instant::now());
+    assert_eq!(after(&mut stage, undo()), ["", "second"]);
+    write(&mut stage, &mut after, "first");
+    for _ in 0..3 {
+        let notes = after(&mut stage, undo());
+        assert!(!notes[0].contains("second") && notes[1] == "second", "{notes:?}");
+    }
+}
+
 #[test]
 fn kinds_of_gas_look_as_they_did() {
     let mut stage = Stage::new(ImageSize::new(440, 320), 1.0);
