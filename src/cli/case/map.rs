@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 
 use super::segments::COLOURS;
 use crate::app::findings::Findings;
@@ -12,15 +12,14 @@ use crate::fields::{Along, Lumen};
 use crate::progress::Progress;
 use crate::render::{Frame, Preset, Quality, Reuse, Settings, View, renderer};
 use crate::space::TransferFunction;
-use crate::volume::{Grid, Volume};
 
 /// Width and height of the picture, pixels.
 pub(super) const SIZE: [usize; 2] = [640, 640];
 /// Side of the voxels of the solid, mm.
 const VOXEL_MM: f64 = 2.0;
 /// Values of the solid and of what surrounds it, HU: like tissue in gas.
-const SOLID_HU: f64 = 200.0;
-const AROUND_HU: f64 = -1000.0;
+const SOLID_HU: i16 = 200;
+const AROUND_HU: i16 = -1000;
 /// The camera is so far from the colon that lines of sight are nearly parallel, mm.
 const AWAY_MM: f64 = 4000.0;
 /// Share of the picture's height that the colon takes.
@@ -38,7 +37,7 @@ pub(super) struct Map {
 
 /// Draws a colon, with each segment in its colour; `None` without a lumen.
 pub(super) fn of(lumen: &Lumen, along: &Along, findings: &Findings, progress: &Progress) -> Result<Option<Map>> {
-    let Some(solid) = solid(lumen)? else { return Ok(None) };
+    let Some(solid) = lumen.solid(VOXEL_MM, [AROUND_HU, SOLID_HU])? else { return Ok(None) };
     progress.check()?;
     let grid = solid.grid();
     let size = grid.spacing() * DVec3::from_array(grid.dims().map(|n| n as f64));
@@ -72,38 +71,6 @@ pub(super) fn of(lumen: &Lumen, along: &Along, findings: &Findings, progress: &P
     }
     let findings = findings.findings.iter().filter_map(|f| Some((f.id.clone(), view.project(f.place)?))).collect();
     Ok(Some(Map { rgb, findings }))
-}
-
-/// Makes the lumen solid in coarse voxels, with the share of each that it fills.
-fn solid(lumen: &Lumen) -> Result<Option<Volume>> {
-    let Some((first, dims)) = lumen.around(4.0 * VOXEL_MM) else { return Ok(None) };
-    let own = lumen.grid();
-    let mask = lumen.mask();
-    // A box along the patient's axes around all corners of the lumen's.
-    let corner = |n: usize| {
-        let at = std::array::from_fn(|a| (first[a] + (n >> a & 1) * (dims[a] - 1)) as f64);
-        own.world(DVec3::from_array(at))
-    };
-    let (low, high) = (1..8).map(corner).fold((corner(0), corner(0)), |(low, high), p| (low.min(p), high.max(p)));
-    let size = ((high - low) / VOXEL_MM).ceil().to_array().map(|n| n as usize + 1);
-    let grid = Grid::new(size, DVec3::splat(VOXEL_MM), low, DMat3::IDENTITY)?;
-    let (mut filled, mut all) = (vec![0u32; grid.len()], vec![0u32; grid.len()]);
-    for k in first[2]..first[2] + dims[2] {
-        for j in first[1]..first[1] + dims[1] {
-            for i in first[0]..first[0] + dims[0] {
-                let at = grid.voxel(own.world(DVec3::from_array([i, j, k].map(|x| x as f64)))).round();
-                let [x, y, z] = at.to_array().map(|x| x.max(0.0) as usize);
-                if x < size[0] && y < size[1] && z < size[2] {
-                    let n = grid.index(x, y, z);
-                    all[n] += 1;
-                    filled[n] += u32::from(mask[own.index(i, j, k)] != 0);
-                }
-            }
-        }
-    }
-    let share = |n: usize| if all[n] > 0 { f64::from(filled[n]) / f64::from(all[n]) } else { 0.0 };
-    let data = (0..grid.len()).map(|n| (AROUND_HU + (SOLID_HU - AROUND_HU) * share(n)) as i16).collect();
-    Ok(Some(Volume::new(grid, data)))
 }
 
 /// Returns where a label beside a finding is written so that two do not cover each other: on a circle around it, in turn.

@@ -89,11 +89,18 @@ impl FindingTool {
         self.waiting.push_back(Order { id: id.to_owned(), measures });
     }
 
+    /// True if there are findings without pictures, and none is being made.
+    pub(crate) fn lacks_pictures(&self, list: &[Finding]) -> bool {
+        let is_idle = self.waiting.is_empty() && !self.task.is_working() && self.task.failed().is_none();
+        is_idle && list.iter().any(|f| !self.pictures.contains_key(&f.id))
+    }
+
     /// Asks for the pictures of those that have none.
     pub(crate) fn order_missing(&mut self, list: &[Finding]) {
-        let is_idle = self.waiting.is_empty() && !self.task.is_working() && self.task.failed().is_none();
-        let without = list.iter().filter(|f| is_idle && !self.pictures.contains_key(&f.id));
-        self.waiting.extend(without.map(|f| Order { id: f.id.clone(), measures: false }));
+        if self.lacks_pictures(list) {
+            let without = list.iter().filter(|f| !self.pictures.contains_key(&f.id));
+            self.waiting.extend(without.map(|f| Order { id: f.id.clone(), measures: false }));
+        }
     }
 
     /// Begins with what is due next. `scans` is called if something is.

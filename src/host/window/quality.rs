@@ -58,6 +58,11 @@ impl QualityTool {
         self.seconds = seconds.collect();
     }
 
+    /// True if nobody has asked for more than the clock.
+    pub(crate) fn is_clock_alone(&self) -> bool {
+        !self.is_wanted
+    }
+
     /// Asks for more than the clock.
     pub(crate) fn want(&mut self) {
         self.is_wanted = true;

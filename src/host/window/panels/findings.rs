@@ -56,7 +56,7 @@ impl Panel for FindingsPanel {
             ui.label(RichText::new(told).color(SOFT));
             return;
         }
-        if found.findings.iter().any(|f| context.view.findings().pictures(&f.id).is_none()) {
+        if context.view.findings().lacks_pictures(&found.findings) {
             requests.ask(Intent::DrawFindings);
         }
         let current = context.current_finding();

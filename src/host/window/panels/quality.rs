@@ -22,7 +22,9 @@ impl Panel for QualityPanel {
                 Some(why) => ui.label(RichText::new(why).color(Severity::Alert.colour())),
                 None => ui.label("measuring the segments of the colon ..."),
             };
-            requests.ask(Intent::Quality);
+            if tool.is_clock_alone() {
+                requests.ask(Intent::Quality);
+            }
             return;
         };
         if list.is_empty() {

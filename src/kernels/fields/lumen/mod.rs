@@ -29,6 +29,7 @@ pub(in crate::fields) mod runs;
 mod segment;
 mod septa;
 mod shell;
+mod solid;
 mod stretches;
 #[cfg(test)]
 mod tests;
