@@ -118,6 +118,12 @@ pub struct Finding {
 }
 
 impl Finding {
+    /// True if it has this id and place (world, mm). An id alone may have been that of a finding that is deleted.
+    #[doc(hidden)]
+    pub fn is_at(&self, id: &str, place: DVec3) -> bool {
+        self.id == id && self.place == place
+    }
+
     /// Takes the measures of a lesion.
     pub fn measure(&mut self, measured: &Measurement) {
         let l = &measured.lesion;

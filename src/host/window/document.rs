@@ -161,16 +161,16 @@ impl Document {
     }
 
     /// Adds to a finding what the program knows of it, without a step of the history: an undo of what came before or after does not take
-    /// it back.
+    /// it back. The place tells it from one that was deleted, whose id may be given again.
     ///
     /// # Errors
     /// Returns status 5 if it cannot be stored.
-    pub(crate) fn complete(&mut self, id: &str, add: impl Fn(&mut Finding)) -> Result<()> {
+    pub(crate) fn complete(&mut self, id: &str, place: DVec3, add: impl Fn(&mut Finding)) -> Result<()> {
         let lists = self.history.iter_mut().filter_map(|part| match part {
             Part::Findings(list) => Some(list),
             _ => None,
         });
-        lists.chain([&mut self.found.findings]).flatten().filter(|f| f.id == id).for_each(add);
+        lists.chain([&mut self.found.findings]).flatten().filter(|f| f.is_at(id, place)).for_each(add);
         self.keep()
     }
 

@@ -4,6 +4,8 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Instant;
 
+use glam::DVec3;
+
 use super::background::{Background, BackgroundTask};
 use super::job::Job;
 use crate::app::findings::{Finding, FindingPicture, View, lesion_at};
@@ -39,6 +41,8 @@ struct Order {
 /// What was made of a finding.
 pub(crate) struct Made {
     pub(crate) id: String,
+    /// Where that finding is, world mm.
+    pub(crate) place: DVec3,
     /// The lesion, if that was asked for; why not, if nothing bulges there.
     pub(crate) measured: Option<std::result::Result<Measurement, String>>,
     pub(crate) view: View,
@@ -84,8 +88,9 @@ impl FindingTool {
         self.pictures.get(id)
     }
 
-    /// Asks for the pictures of a finding, and its measures.
+    /// Asks for the pictures of a new finding, and its measures.
     pub(crate) fn order(&mut self, id: &str, measures: bool) {
+        self.pictures.remove(id);
         self.waiting.push_back(Order { id: id.to_owned(), measures });
     }
 
@@ -122,10 +127,13 @@ impl FindingTool {
         }
     }
 
-    /// Takes what was made, once it is there.
-    pub(crate) fn take(&mut self, now: Instant) -> Option<Made> {
+    /// Takes what was made of a finding, once it is there. `list` has those that there are now.
+    pub(crate) fn take(&mut self, list: &[Finding], now: Instant) -> Option<Made> {
         let (mut made, _) = self.task.take(now)?.ok()?;
-        self.pictures.insert(made.id.clone(), std::mem::take(&mut made.pictures).into());
+        // It may have been deleted, and another one have its id.
+        if list.iter().all(|f| f.id != made.id || f.is_at(&made.id, made.place)) {
+            self.pictures.insert(made.id.clone(), std::mem::take(&mut made.pictures).into());
+        }
         Some(made)
     }
 
@@ -160,6 +168,12 @@ fn start(mut finding: Finding, measures: bool, scans: Scans, background: &Backgr
         let view = finding.view_in(&cleansed)?;
         finding.view = Some(view);
         let pictures = finding.pictures(&cleansed, scanned.as_ref(), preset, SIDE)?;
-        Ok(Made { id: finding.id, measured: measured.map(|m| m.map_err(|e| e.why)), view, pictures })
+        Ok(Made {
+            id: finding.id,
+            place: finding.place,
+            measured: measured.map(|m| m.map_err(|e| e.why)),
+            view,
+            pictures,
+        })
     })
 }

@@ -146,7 +146,7 @@ impl FlightController {
 
     /// Takes what the background has made of findings, and begins with the next.
     pub(super) fn take_findings(&mut self, now: Instant) {
-        if let Some(made) = self.findings.take(now) {
+        if let Some(made) = self.findings.take(&self.document.found().findings, now) {
             self.complete(made, now);
             self.attention = true;
         }
@@ -154,9 +154,9 @@ impl FlightController {
         let is_nowhere = |f: &&Finding| f.along_mm.is_none() && self.place.along_of(f.place).is_some();
         if let Some(mut finding) = self.document.found().findings.iter().find(is_nowhere).cloned() {
             self.locate(&mut finding);
-            let Finding { id, segment, along_mm, .. } = finding;
+            let Finding { id, place, segment, along_mm, .. } = finding;
             let add = |f: &mut Finding| (f.segment, f.along_mm) = (segment.clone(), along_mm);
-            let kept = self.document.complete(&id, add);
+            let kept = self.document.complete(&id, place, add);
             self.report_kept(kept, now);
         }
         let (flight, cleansing) = (&self.flight, &self.cleansing);
@@ -168,7 +168,7 @@ impl FlightController {
     }
 
     fn complete(&mut self, made: Made, now: Instant) {
-        let Made { id, measured, view, .. } = made;
+        let Made { id, place, measured, view, .. } = made;
         let add = |f: &mut Finding| {
             f.view.get_or_insert(view);
             // The reader may have measured it meanwhile.
@@ -176,8 +176,11 @@ impl FlightController {
                 f.measure(m);
             }
         };
-        let kept = self.document.complete(&id, add);
+        let kept = self.document.complete(&id, place, add);
         self.report_kept(kept, now);
+        if !self.document.found().findings.iter().any(|f| f.is_at(&id, place)) {
+            return;
+        }
         match measured {
             Some(Ok(m)) => self.say(format!("finding {id}: {:.1} mm", m.lesion.diameter_mm), now),
             Some(Err(why)) => self.say(format!("finding {id} has no measures: {why}"), now),
@@ -424,6 +427,49 @@ mod tests {
         assert_eq!(c.slices().cursor(), Some(whole[0].place));
         perform(&mut c, "undo", now);
         assert!(list(&c).is_empty());
+    }
+
+    /// An id is given again once the last finding is gone, and what is made of that one may come late.
+    #[test]
+    fn what_belongs_to_a_finding_that_is_gone_does_not_go_to_the_next_one() {
+        let settings = PhantomSettings { polyps: true, ..PhantomSettings::embedded(3) };
+        let (mut c, mut now) = (cockpit_of(phantom_flight(&settings), 0.0, Vec::new()), Instant::now());
+        trace(&mut c, now);
+        let polyps = shared(&settings).0.truth().polyps;
+        let [a, b] = [polyps[4].position, polyps[2].position];
+        let mark = |c: &mut FlightController, at: DVec3, now: Instant| {
+            wish(c, Intent::Slice(SliceInput::Click(at)), now);
+            perform(c, "finding", now);
+        };
+        // The background begins with the first one, and that is undone.
+        mark(&mut c, a, now);
+        c.advance(now).unwrap();
+        perform(&mut c, "undo", now);
+        mark(&mut c, b, now);
+        until_made(&mut c, &mut now);
+        let second = list(&c)[0].clone();
+        assert_eq!(second.id, "1");
+        assert!(second.ends.is_none_or(|ends| ends[0].distance(b) < 15.0), "{second:?} of {b}, not of {a}");
+        assert!(second.view.unwrap().position.distance(b) < a.distance(b), "{second:?}");
+        // Deleted, another one with its id, and brought back.
+        let until_along = |c: &mut FlightController, now: &mut Instant| {
+            while list(c)[0].along_mm.is_none() {
+                *now += Duration::from_millis(300);
+                trace(c, *now);
+                c.advance(*now).unwrap();
+                c.hud(*now);
+                std::thread::sleep(Duration::from_millis(2));
+            }
+        };
+        until_along(&mut c, &mut now);
+        let second = list(&c)[0].clone();
+        wish(&mut c, Intent::DeleteFinding(0), now);
+        mark(&mut c, a, now);
+        until_made(&mut c, &mut now);
+        until_along(&mut c, &mut now);
+        perform(&mut c, "undo", now);
+        perform(&mut c, "undo", now);
+        assert_eq!(list(&c), [second]);
     }
 
     #[test]
