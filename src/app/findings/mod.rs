@@ -128,7 +128,9 @@ impl Finding {
     pub fn measure(&mut self, measured: &Measurement) {
         let l = &measured.lesion;
         (self.diameter_mm, self.ends) = (Some(l.diameter_mm), Some(l.ends));
-        (self.height_mm, self.volume_mm3) = (Some(l.height_mm), Some(l.volume_mm3));
+        // Heights above the base are summed with their signs: a low lesion on a bent wall may have none left.
+        let volume_mm3 = Some(l.volume_mm3).filter(|mm3| *mm3 > 0.0);
+        (self.height_mm, self.volume_mm3) = (Some(l.height_mm), volume_mm3);
         self.normal = l.axis.try_normalize();
         self.morphology = Some(Morphology::of(measured.form, l.diameter_mm));
         self.tissue = Tissue::of(l.feature("share_fat"), l.diameter_mm);
