@@ -281,8 +281,12 @@ fn is_visible(finding: &Finding, view: &Marking<'_>) -> bool {
     points.into_iter().any(|at| (view.find)(at).is_some())
 }
 
-/// Returns the finding, by its number, and the end of its diameter, 0 or 1, that are drawn within reach of a pointer.
+/// Returns the finding, by its number, and the end of its diameter, 0 or 1, that are drawn within reach of a pointer. While something is
+/// measured there is none: the ends that are measured anew are often those.
 pub fn end_at(context: &Context<'_>, at: Pos2, view: &Marking<'_>) -> Option<(usize, usize)> {
+    if context.measures().is_on() || context.assistant().is_some_and(|a| a.is_measuring) {
+        return None;
+    }
     let list = context.found().findings.iter().enumerate().filter(|(_, f)| is_visible(f, view));
     let ends =
         list.flat_map(|(n, f)| f.ends.into_iter().flatten().enumerate().map(move |(which, end)| (n, which, end)));

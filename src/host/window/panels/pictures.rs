@@ -22,7 +22,7 @@ use crate::host::window::contract::WindowView;
 use crate::host::window::controller::FlightController;
 use crate::host::window::controller::tests::wish;
 use crate::host::window::directions::Directions;
-use crate::host::window::intent::{FindingEdit, Intent, SliceInput};
+use crate::host::window::intent::{FindingEdit, FindingOf, Intent, SliceInput};
 use crate::host::window::interface::{Interface, WindowSize};
 use crate::host::window::keys::KeySettings;
 use crate::host::window::layer::{Placed, compose};
@@ -340,6 +340,32 @@ fn a_note_is_not_undone_into_that_of_another_finding() {
         let notes = after(&mut stage, undo());
         assert!(!notes[0].contains("second") && notes[1] == "second", "{notes:?}");
     }
+}
+
+#[test]
+fn an_end_of_a_finding_is_dragged_but_measured_where_distances_are_measured() {
+    let mut stage = Stage::new(ImageSize::new(440, 320), 1.0);
+    let middle = stage.controller.flight().pose().position;
+    stage.click(middle);
+    let ends = [-6.0, 6.0].map(|mm| middle + DVec3::X * mm);
+    stage.controller.measure_between(ends[0], ends[1]);
+    wish(&mut stage.controller, Intent::Finding(FindingOf::Distance(0)), Instant::now());
+    let mut panel = (slices::AXIAL.make)();
+    stage.panel(&mut *panel);
+    let mut pressed = |stage: &mut Stage| {
+        let mut draw = |context: &Context<'_>, ui: &mut Ui, requests: &mut Requests| panel.ui(context, ui, requests);
+        let (orientation, at) = stage.lay_out(Vec::new(), &mut draw).1.slices_at()[0];
+        let slice = stage.controller.slices().view(stage.controller.flight(), orientation).unwrap().shown().unwrap();
+        let [x, y] = slice.pixel(ends[1]).0.map(|x| x as f32);
+        let (pos, button, modifiers) = (at.min + egui::vec2(x, y), PointerButton::Primary, Modifiers::NONE);
+        let press = |pressed| Event::PointerButton { pos, button, pressed, modifiers };
+        let mut asked = stage.lay_out(vec![Event::PointerMoved(pos), press(true)], &mut draw).1.take();
+        asked.extend(stage.lay_out(vec![press(false)], &mut draw).1.take());
+        asked.iter().any(|intent| matches!(intent, Intent::Slice(SliceInput::Click(_))))
+    };
+    assert!(!pressed(&mut stage));
+    stage.perform("measure");
+    assert!(pressed(&mut stage));
 }
 
 #[test]
