@@ -137,9 +137,10 @@ impl Finding {
         self.confidence = Some(measured.confidence);
     }
 
-    /// Moves the ends of its diameter, which has their distance then.
+    /// Moves the ends of its diameter, which has their distance then. The volume that belonged to the former ends is not known any more.
     pub fn correct(&mut self, ends: [DVec3; 2]) {
         let mm = ends[0].distance(ends[1]);
+        self.volume_mm3 = None;
         (self.diameter_mm, self.ends) = (Some(mm), Some(ends));
         // What was a mass by its size alone, or is one now.
         match self.morphology {

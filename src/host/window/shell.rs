@@ -330,8 +330,15 @@ impl Shell {
         // A button focused by Tab receives its keys, and an open menu the key that closes it.
         let egui = self.interface.egui();
         let widget = egui.egui_wants_keyboard_input() || egui::Popup::is_any_open(egui);
-        if pressed && (egui.text_edit_focused() || widget && matches!(event.logical_key, Key::Named(_))) {
-            return;
+        let is_text = egui.text_edit_focused();
+        if pressed && (is_text || widget && matches!(event.logical_key, Key::Named(_))) {
+            // What no text field has a use for works with Ctrl while one is written in.
+            let stroke = Stroke::of(event, self.modifiers, self.controls());
+            let chord = stroke.chord(|c| self.actions.of_key(c).is_some());
+            let action = chord.and_then(|c| self.actions.of_key(&c)).map(|a| a.id.as_ref());
+            if !is_text || !self.controls() || !matches!(action, Some("quit" | "screenshot")) {
+                return;
+            }
         }
         // Ctrl-C and similar combinations are not handled here.
         let other = self.modifiers.intersects(ModifiersState::ALT | ModifiersState::SUPER) && !self.controls();

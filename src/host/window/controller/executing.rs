@@ -22,6 +22,7 @@ impl FlightController {
     pub(crate) fn execute(&mut self, intent: Intent, at: ActionContext) -> Option<Intent> {
         use Intent as I;
         let now = at.now;
+        self.quality.stir(now);
         if self.refuse(&intent, now) {
             return None;
         }

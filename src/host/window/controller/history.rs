@@ -43,6 +43,9 @@ impl FlightController {
 
     /// Lets the clock of the segments go on, and takes what was computed of their quality.
     pub(super) fn take_quality(&mut self, now: Instant) {
+        if !self.rests() {
+            self.quality.stir(now);
+        }
         self.quality.tick(self.place.part(), now);
         if self.quality.advance(&self.flight, self.place.along(), &self.background, now) {
             self.attention = true;

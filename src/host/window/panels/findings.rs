@@ -177,7 +177,9 @@ impl FindingsPanel {
         ui.horizontal_wrapped(|ui| {
             let mut confidence = finding.confidence.unwrap_or(1.0);
             ui.label("confidence");
-            if ui.add(Slider::new(&mut confidence, 0.0..=1.0).fixed_decimals(2)).changed() {
+            let is_known = finding.confidence.is_some();
+            let text = move |x: f64, _| if is_known { format!("{x:.2}") } else { "unknown".to_owned() };
+            if ui.add(Slider::new(&mut confidence, 0.0..=1.0).custom_formatter(text)).changed() {
                 requests.ask(edit(FindingEdit::Confidence(confidence)));
             }
         });
