@@ -10,11 +10,8 @@ use crate::cli::messages::print;
 use crate::cli::prepare;
 use crate::error::Result;
 use crate::output;
-use crate::polyps::{self, Form, Measurement, Wall};
+use crate::polyps::{self, Form, Measurement, RESTORED_HU, Wall};
 use crate::progress::Progress;
-
-/// A voxel whose value changed by more than this when the scan was cleansed was restored, HU.
-const RESTORED_HU: i32 = 60;
 
 /// A measurement as written. Places are world, mm LPS.
 #[derive(Serialize)]

@@ -71,7 +71,10 @@ mod tests {
             assert!(finding.tissue == Some(Tissue::Soft) || is_small && finding.tissue.is_none(), "{finding:?}");
             measured += 1;
         }
-        assert_eq!(Tissue::of(0.9, 8.0), Some(Tissue::Fat));
+        assert_eq!(Tissue::of(0.9, -60.0, 8.0), Some(Tissue::Fat));
+        assert_eq!(Tissue::of(0.1, -60.0, 8.0), Some(Tissue::Soft));
+        // Small, or a fold whose core is soft: it counts, whatever its mean.
+        assert_eq!((Tissue::of(0.9, -60.0, 5.0), Tissue::of(0.9, 10.0, 12.0)), (None, None));
         assert!(measured >= 3, "{measured}");
     }
 

@@ -133,7 +133,7 @@ impl Finding {
         (self.height_mm, self.volume_mm3) = (Some(l.height_mm), volume_mm3);
         self.normal = l.axis.try_normalize();
         self.morphology = Some(Morphology::of(measured.form, l.diameter_mm));
-        self.tissue = Tissue::of(l.feature("share_fat"), l.diameter_mm);
+        self.tissue = Tissue::of(l.feature("share_fat"), l.feature("hu_max"), l.diameter_mm);
         self.confidence = Some(measured.confidence);
     }
 
@@ -196,6 +196,9 @@ impl Morphology {
 /// A lesion of a smaller diameter than this is blurred throughout, mm.
 const BLURRED_MM: f64 = 6.0;
 
+/// Fat is nowhere brighter than this, HU: it is at about -100 HU, and this leaves room for noise.
+const FAT_MOST_HU: f64 = -20.0;
+
 /// What a lesion consists of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -218,11 +221,12 @@ impl Tissue {
         }
     }
 
-    /// Returns the tissue of a lesion of this largest diameter, mm, of which this share has the values of fat, 0 to 1. `None` if it cannot
-    /// be told: a small lesion is blurred with the gas around it, and has values of fat whatever it consists of.
-    pub fn of(share_fat: f64, diameter_mm: f64) -> Option<Self> {
+    /// Returns the tissue of a lesion of this largest diameter, mm, of which this share has the values of fat, 0 to 1, and whose brightest
+    /// place has this value, HU. `None` if it cannot be told: a small or thin lesion is blurred with the gas around it, and has values of
+    /// fat whatever it consists of. Only what is soft nowhere is called fat, because fat does not count as a polyp.
+    pub fn of(share_fat: f64, hu_max: f64, diameter_mm: f64) -> Option<Self> {
         match share_fat > 0.5 {
-            true if diameter_mm < BLURRED_MM => None,
+            true if diameter_mm < BLURRED_MM || hu_max > FAT_MOST_HU => None,
             true => Some(Self::Fat),
             false => Some(Self::Soft),
         }

@@ -3,6 +3,8 @@
 pub(super) mod gallery;
 mod page;
 
+pub(super) use page::escape;
+
 use std::path::{Path, PathBuf};
 
 use serde_json::json;

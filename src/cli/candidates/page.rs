@@ -243,7 +243,7 @@ const TOOLS: &str = "<div class=\"tools\">\n\
 <span id=\"message\" role=\"alert\"></span>\n</div>\n";
 
 /// Escapes text for HTML, in attributes too.
-fn escape(s: &str) -> String {
+pub(in crate::cli) fn escape(s: &str) -> String {
     let mut out = String::with_capacity(s.len());
     for c in s.chars() {
         match c {

@@ -25,6 +25,7 @@ use crate::fields::cleanse::Cleansed;
 use crate::fields::lumen::residue;
 use crate::fields::{Along, Lumen};
 use crate::output;
+use crate::polyps::RESTORED_HU;
 use crate::progress::Progress;
 use crate::render::Preset;
 use crate::space::PreparedVolume;
@@ -34,8 +35,6 @@ use crate::volume::{Volume, content_hash, content_origin};
 const SIDE: usize = 360;
 /// What to do about an invalid file of findings.
 const HINT: &str = "give the file that a window keeps of a reading, below findings/ in its folder";
-/// A voxel whose value differs by more than this from the scanned one was restored, HU.
-const RESTORED_HU: i32 = 60;
 
 /// The files that it writes.
 pub(super) const FILES: [&str; 5] =

@@ -8,6 +8,7 @@ use super::Case;
 use super::map::{self, Map};
 use super::segments::COLOURS;
 use crate::app::findings::{Finding, FindingPicture, Quality, SegmentFacts, Tissue};
+use crate::cli::candidates::escape;
 use crate::error::{Error, Result};
 use crate::polyps::answers::Answer;
 use crate::render::Frame;
@@ -328,9 +329,4 @@ fn png(rgb: &[[u8; 3]], width: usize, height: usize) -> Result<String> {
 /// Returns the first digits of a scan's hash.
 fn short(scan: &str) -> String {
     scan.rsplit(':').next().unwrap_or_default().chars().take(12).collect()
-}
-
-/// Escapes text for HTML.
-fn escape(s: &str) -> String {
-    s.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

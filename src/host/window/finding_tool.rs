@@ -10,14 +10,12 @@ use super::background::{Background, BackgroundTask};
 use super::job::Job;
 use crate::app::findings::{Finding, FindingPicture, View, lesion_at};
 use crate::error::Result;
-use crate::polyps::Measurement;
+use crate::polyps::{Measurement, RESTORED_HU};
 use crate::render::Preset;
 use crate::space::PreparedVolume;
 
 /// Side of a picture, pixels.
 pub(crate) const SIDE: usize = 240;
-/// A voxel whose value differs by more than this from the scanned one was restored, HU.
-const RESTORED_HU: i32 = 60;
 
 /// The scans that findings are measured in and shown in.
 pub(crate) struct Scans {

@@ -21,6 +21,10 @@ const PER_MM: f64 = 0.6;
 /// Below this confidence the measures come with reasons.
 const SURE: f64 = 0.7;
 
+/// A voxel whose value differs by more than this from the scanned one was restored by cleansing, HU.
+#[doc(hidden)]
+pub const RESTORED_HU: i32 = 60;
+
 /// What a lesion looks like.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]

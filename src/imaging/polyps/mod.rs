@@ -27,7 +27,7 @@ use crate::volume::Volume;
 
 pub use caps::{Cap, caps};
 pub use lesion::{FEATURES, Lesion};
-pub use measure::{Form, Measurement, measure};
+pub use measure::{Form, Measurement, RESTORED_HU, measure};
 pub use score::{TERMS, Term, score, terms};
 pub use wall::{SMOOTH_MM, Wall};
 

@@ -15,7 +15,7 @@ use crate::fields::lumen::{self, Told};
 use crate::host::window::cleansing::{Tag, boxed};
 use crate::host::window::shown::laid_over;
 use crate::panics::ask_plugin;
-use crate::polyps::{self, Candidate, Colon, Detector, Measurement, Wall, detectors};
+use crate::polyps::{self, Candidate, Colon, Detector, Measurement, RESTORED_HU, Wall, detectors};
 use crate::progress::Progress;
 use crate::render::{Frame, Preset, Quality, Reuse, Settings, renderer};
 use crate::space::PreparedVolume;
@@ -27,8 +27,6 @@ const LEAST_SCORE: f64 = 0.2;
 const MOST: usize = 100;
 /// Side of a candidate's picture, pixels.
 pub(crate) const SIDE: usize = 160;
-/// A voxel whose value differs by more than this from the scanned one was restored, HU.
-const RESTORED_HU: i32 = 60;
 
 /// What the search looks at.
 pub(crate) struct Input {
