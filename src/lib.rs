@@ -8,7 +8,7 @@
 //! panics
 //! output, progress
 //! volume
-//! fields, phantom, space
+//! dicom, fields, phantom, space
 //! dynamics
 //! render
 //! components, schedule, surface
@@ -58,7 +58,7 @@
 //! | `window` (default) | the interactive window, the modules `panel` and `egui` | every flight is headless, and recordings contain no overlays |
 //! | `wayland` (default) | windows of a Wayland compositor | windows of an X server, which compositors provide as well |
 //! | `report` (default) | measurements on this machine, as pages with plots | `colvis report` names the feature that it needs |
-//! | `dicom` (default) | DICOM series and their codecs | NIfTI, MetaImage, NRRD and PNG slices are still read |
+//! | `dicom` (default) | DICOM series and their codecs, reports as DICOM objects, archives | NIfTI, MetaImage, NRRD and PNG slices are still read |
 //!
 //! # Extend it
 //!
@@ -224,6 +224,9 @@
 
 #[doc(inline)]
 pub use colvis_app as app;
+#[cfg(feature = "dicom")]
+#[doc(inline)]
+pub use colvis_dicom as dicom;
 #[doc(inline)]
 pub use colvis_flight::{components, coverage, schedule, systems, testing};
 #[doc(inline)]

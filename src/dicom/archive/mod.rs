@@ -1,0 +1,1 @@
+//! Archives: asked, read from and sent to over the network.

@@ -1,0 +1,1 @@
+//! Objects that are written: reports, segmentations and captures.
