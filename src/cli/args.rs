@@ -402,6 +402,12 @@ pub struct CaseArgs {
     /// Category scheme: c-rads-2023, england, or a .toml file
     #[arg(long, value_name = "SCHEME", default_value = "c-rads-2023")]
     pub scheme: String,
+    /// Write DICOM objects, too: report.dcm (structured report), segments.dcm, capture-NN.dcm
+    #[arg(long)]
+    pub dicom: bool,
+    /// Tell whose scan it is: name, number and study of a DICOM input, in the page and in DICOM objects
+    #[arg(long)]
+    pub identity: bool,
     /// Write times, quality by segment and the category as JSON
     #[arg(long, value_name = "F.json")]
     pub stats: Option<PathBuf>,

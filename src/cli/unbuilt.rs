@@ -9,7 +9,7 @@ use crate::error::{Error, program_name};
 /// Planned commands.
 const COMMANDS: [&str; 4] = ["unfold", "match", "dataset", "batch"];
 /// Planned options of built commands.
-const OPTIONS: [&str; 5] = ["--second", "--normals", "--truth", "--dicom", "--identity"];
+const OPTIONS: [&str; 3] = ["--second", "--normals", "--truth"];
 /// Planned values of built options, and of the argument `<SUBJECT>`.
 const VALUES: [(&str, &str); 3] = [("--camera", "fisheye"), ("--camera", "panorama"), ("<SUBJECT>", "unfold")];
 

@@ -156,6 +156,17 @@ impl AtomicFile {
         }
     }
 
+    /// Finishes files that belong together: all of them are written before the first of them appears.
+    ///
+    /// # Errors
+    /// As [`AtomicFile::finish`]. If the last bytes of one cannot be written, none has appeared.
+    pub fn finish_all(mut files: Vec<Self>) -> Result<()> {
+        for file in &mut files {
+            file.sink.flush().map_err(|e| cannot(&file.path, e))?;
+        }
+        files.into_iter().try_for_each(Self::finish)
+    }
+
     /// Same as [`AtomicFile::finish`], under the first of these names in its folder that is free; nothing is replaced. Returns the
     /// name; `None` if none is free.
     ///

@@ -15,13 +15,13 @@ fn read(path: &Path) -> Value {
 }
 
 /// A phantom's scan and the findings of somebody who has found its polyps.
-struct Read {
+pub(crate) struct Read {
     folder: tempfile::TempDir,
     polyps: Vec<Value>,
 }
 
 impl Read {
-    fn new(with: &str) -> Self {
+    pub(crate) fn new(with: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let [scan, truth] = ["scan.nii.gz", "truth.json"].map(|name| folder.path().join(name));
         let [scan, truth] = [&scan, &truth].map(|p| p.to_str().unwrap());
@@ -30,16 +30,16 @@ impl Read {
         Self { folder, polyps }
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
-    fn text(&self, name: &str) -> String {
+    pub(crate) fn text(&self, name: &str) -> String {
         self.path(name).to_str().unwrap().to_owned()
     }
 
     /// Writes the findings, as a program that knows little else does. Returns them.
-    fn findings(&self) -> Value {
+    pub(crate) fn findings(&self) -> Value {
         let info: Value = serde_json::from_slice(&run(&["info", &self.text("scan.nii.gz")], 0).stdout).unwrap();
         let finding =
             |(n, p): (usize, &Value)| json!({ "id": n + 1, "place": p["position"], "note": format!("<b>{n}</b>") });
@@ -55,7 +55,7 @@ impl Read {
         all
     }
 
-    fn case(&self, more: &[&str], status: i32) -> std::process::Output {
+    pub(crate) fn case(&self, more: &[&str], status: i32) -> std::process::Output {
         let (scan, findings, out) = (self.text("scan.nii.gz"), self.text("findings.json"), self.text("case"));
         let args = ["case", &scan, "--findings", &findings, "--out", &out];
         run(&[&args[..], more].concat(), status)
@@ -185,7 +185,73 @@ fn findings_of_another_scan_and_files_that_are_none_are_refused_and_nothing_is_w
     }
     std::fs::write(case.path("findings.json"), good.to_string()).unwrap();
     case.case(&["--scheme", "mine"], 2);
-    case.case(&["--dicom"], 2);
     std::fs::remove_file(case.path("findings.json")).unwrap();
     case.case(&[], 3);
+}
+
+#[test]
+#[ignore = "slow: 3D Slicer"]
+fn slicer_reads_findings_centerline_and_segments() {
+    let Some(python) = std::env::var_os("COLVIS_SLICER").filter(|path| Path::new(path).exists()) else {
+        return skip("slicer", "COLVIS_SLICER names no Python with slicer-core");
+    };
+    let case = Read::new("folds,polyps,fluid");
+    case.findings();
+    case.case(&[], 0);
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/program/case_slicer.py");
+    let output = Command::new(python).arg(script).arg(case.path("case")).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(String::from_utf8_lossy(&output.stdout).lines().last(), Some("ok"), "{said}");
+}
+
+/// Whenever it is stopped, the report is the one before or the new one, never a part of it.
+#[cfg(unix)]
+#[test]
+#[ignore = "slow: eighteen reports"]
+fn a_report_that_is_interrupted_or_killed_leaves_the_one_before_whole() {
+    use std::time::{Duration, Instant};
+    let case = Read::new("folds,polyps");
+    case.findings();
+    let dicom: &[&str] = if cfg!(feature = "dicom") { &["--dicom"] } else { &[] };
+    case.case(dicom, 0);
+    let out = case.path("case");
+    let all = || {
+        let entries = std::fs::read_dir(&out).unwrap().map(|e| e.unwrap().path());
+        // What was being written when it was killed is hidden, and goes with the next report.
+        let is_shown = |p: &PathBuf| !p.file_name().unwrap().to_str().unwrap().starts_with('.');
+        let mut paths: Vec<PathBuf> = entries.filter(is_shown).collect();
+        paths.sort();
+        paths.into_iter().map(|p| (p.clone(), std::fs::read(p).unwrap())).collect::<Vec<_>>()
+    };
+    let before = all();
+    let begun = Instant::now();
+    case.case(&[dicom, &["--scheme", "england"]].concat(), 0);
+    let (took, after) = (begun.elapsed(), all());
+    assert_ne!(before, after);
+    let (mut kept, mut written) = (0, 0);
+    for n in 0..16 {
+        case.case(dicom, 0);
+        assert_eq!(all(), before);
+        let (scan, findings, folder) = (case.text("scan.nii.gz"), case.text("findings.json"), case.text("case"));
+        let mut child = crate::support::program::colvis()
+            .args(["case", &scan, "--findings", &findings, "--out", &folder, "--scheme", "england"])
+            .args(dicom)
+            .stderr(std::process::Stdio::null())
+            .spawn()
+            .unwrap();
+        // Most of them while files are written, at the end.
+        std::thread::sleep(took.mul_f64(0.55 + 0.03 * f64::from(n)) + Duration::from_millis(1));
+        if n % 2 == 0 {
+            child.kill().unwrap();
+        } else {
+            let id = child.id().to_string();
+            Command::new("kill").args(["-INT", &id]).status().unwrap();
+        }
+        child.wait().unwrap();
+        let left = all();
+        assert!(left == before || left == after, "{n}: {:?}", left.iter().map(|f| &f.0).collect::<Vec<_>>());
+        kept += usize::from(left == before);
+        written += usize::from(left == after);
+    }
+    println!("{kept} of the report before, {written} new ones");
 }

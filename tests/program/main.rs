@@ -2,6 +2,8 @@
 
 mod candidates;
 mod case;
+#[cfg(feature = "dicom")]
+mod case_dicom;
 mod centerline;
 mod circles;
 mod cleanse;
@@ -23,6 +25,9 @@ mod slice;
 
 #[path = "../support"]
 mod support {
+    pub(crate) mod checks;
+    #[cfg(feature = "dicom")]
+    pub(crate) mod dicom;
     pub(crate) mod embedded;
     pub(crate) mod phantom;
     pub(crate) mod program;

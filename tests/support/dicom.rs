@@ -93,6 +93,12 @@ impl Slice {
         }
     }
 
+    /// Returns the UID of the object: another one at each position.
+    fn instance(&self) -> String {
+        let parts = self.position.unwrap_or_default().map(|mm| format!(".{}", (1000.0 * (mm + 1e5)) as i64));
+        format!("{}.5{}", self.series, parts.concat())
+    }
+
     /// Returns the bytes of the file.
     pub(crate) fn bytes(&self) -> Vec<u8> {
         let big = self.syntax == BIG;
@@ -101,7 +107,7 @@ impl Slice {
         let floats = |v: &[f64]| v.iter().map(f64::to_string).collect::<Vec<_>>().join("\\");
         body.text(0x0008, 0x0008, b"CS", self.image_type);
         body.text(0x0008, 0x0016, b"UI", self.sop_class);
-        body.text(0x0008, 0x0018, b"UI", "1.2.3.4.5");
+        body.text(0x0008, 0x0018, b"UI", &self.instance());
         body.text(0x0008, 0x0060, b"CS", self.modality);
         if !self.description.is_empty() {
             body.text(0x0008, 0x103E, b"LO", self.description);
@@ -161,7 +167,7 @@ impl Slice {
         out.extend(b"DICM");
         let mut meta = Writer { out: Vec::new(), big: false, explicit: true };
         meta.text(0x0002, 0x0002, b"UI", self.sop_class);
-        meta.text(0x0002, 0x0003, b"UI", "1.2.3.4.5");
+        meta.text(0x0002, 0x0003, b"UI", &self.instance());
         meta.text(0x0002, 0x0010, b"UI", self.syntax);
         out.extend(b"\x02\0\0\0UL\x04\0");
         out.extend((meta.out.len() as u32).to_le_bytes());

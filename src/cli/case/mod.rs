@@ -1,11 +1,16 @@
 //! `colvis case`: what a reading of a scan leaves behind, for colleagues and for other programs.
 
+#[cfg(feature = "dicom")]
+mod dicom;
 mod map;
 mod markups;
+mod outputs;
 mod page;
 mod segments;
 
 pub(super) use markups::curve;
+use outputs::Outputs;
+use segments::Segments;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -20,6 +25,8 @@ use crate::app::findings::{
 use crate::cli::args::{CaseArgs, Global};
 use crate::cli::messages::say;
 use crate::cli::prepare;
+#[cfg(feature = "dicom")]
+use crate::dicom::objects::Study;
 use crate::error::{Error, Result};
 use crate::fields::cleanse::Cleansed;
 use crate::fields::lumen::residue;
@@ -29,6 +36,8 @@ use crate::polyps::RESTORED_HU;
 use crate::progress::Progress;
 use crate::render::Preset;
 use crate::space::PreparedVolume;
+#[cfg(feature = "dicom")]
+use crate::volume::io;
 use crate::volume::{Volume, content_hash, content_origin};
 
 /// Side of a finding's pictures, pixels.
@@ -36,12 +45,22 @@ const SIDE: usize = 360;
 /// What to do about an invalid file of findings.
 const HINT: &str = "give the file that a window keeps of a reading, below findings/ in its folder";
 
-/// The files that it writes.
-pub(super) const FILES: [&str; 5] =
-    ["report.html", "findings.json", "findings.mrk.json", "centerline.mrk.json", "lumen.seg.nrrd"];
+/// The files that it writes or removes; `capture-NN.dcm` come to them.
+pub(super) const FILES: [&str; 7] = [
+    "report.html",
+    "findings.json",
+    "findings.mrk.json",
+    "centerline.mrk.json",
+    "lumen.seg.nrrd",
+    "report.dcm",
+    "segments.dcm",
+];
 
 /// Everything that the report tells.
 struct Case {
+    /// Whose scan it is.
+    #[cfg(feature = "dicom")]
+    study: Study,
     findings: Findings,
     /// Pictures of each finding.
     pictures: Vec<Vec<FindingPicture>>,
@@ -56,6 +75,10 @@ struct Case {
 /// Runs the command. Fails with status 2 for an unknown scheme, 3 if the input or the findings cannot be read or do not belong together,
 /// 4 if there is no colon or if interrupted, 5 if an output cannot be written.
 pub(crate) fn run(args: &CaseArgs, global: &Global, progress: &Progress) -> Result<()> {
+    if (args.dicom || args.identity) && !cfg!(feature = "dicom") {
+        let why = "needs the feature \"dicom\", which this build does not have";
+        return Err(Error::usage(if args.dicom { "--dicom" } else { "--identity" }, why, "build it with that feature"));
+    }
     let scheme = Scheme::named(&args.scheme)?;
     let findings = Findings::read(&args.findings, NoScan::Refused, HINT)?;
     let transfer = prepare::transfer(global)?;
@@ -71,6 +94,18 @@ pub(crate) fn run(args: &CaseArgs, global: &Global, progress: &Progress) -> Resu
         let why = format!("belongs to another scan than {}", args.input.display());
         return Err(Error::file(&args.findings, why, "give the findings of this scan"));
     }
+    #[cfg(feature = "dicom")]
+    let study = {
+        let load = prepare::load_options(&global);
+        let identity = args.identity.then(|| io::identity(&args.input, &load, progress)).transpose()?.flatten();
+        if args.identity && identity.is_none() {
+            say("the input does not tell whose scan it is: the report has no identity");
+        }
+        if args.dicom {
+            dicom::check(&scanned, &args.input)?;
+        }
+        dicom::study(identity.as_ref(), &hash, &args.findings)
+    };
     let mut findings = findings.moved_to(content_origin(scanned.grid()));
     let found = prepare::lumen(&scanned, &mut timings, progress)?;
     if found.segments.is_empty() {
@@ -97,40 +132,60 @@ pub(crate) fn run(args: &CaseArgs, global: &Global, progress: &Progress) -> Resu
     });
     let pictures = timings.time("pictures_s", || pictures.collect::<Result<Vec<_>>>())?;
     findings.quality = quality.iter().map(|(q, _)| q.clone()).collect();
-    let case = Case { findings, pictures, quality, scheme, along, map };
-    write(&case, &segments, args, progress)?;
-    if let Some(path) = &args.stats {
-        let mut stats = prepare::stats_head(&timings);
-        let draft = case.scheme.draft(&case.findings.findings, &case.findings.quality);
-        for (name, value) in [
-            ("quality", json!(case.findings.quality)),
-            (
-                "inadequate",
-                json!(case.quality.iter().map(|(_, f)| &f.why).filter(|w| !w.is_empty()).collect::<Vec<_>>()),
-            ),
-            ("category", json!(draft.category)),
-            ("because", json!(draft.because)),
-        ] {
-            stats.insert(name.to_owned(), value);
-        }
-        output::write_json(path, &stats)?;
+    let case = Case {
+        findings,
+        pictures,
+        quality,
+        scheme,
+        along,
+        map,
+        #[cfg(feature = "dicom")]
+        study,
+    };
+    let mut outputs = Outputs::new(&args.out);
+    timings.time("write_s", || write(&case, &segments, args, &mut outputs, progress))?;
+    progress.check()?;
+    outputs.finish()?;
+    let Some(path) = &args.stats else { return Ok(()) };
+    let mut stats = prepare::stats_head(&timings);
+    let draft = case.scheme.draft(&case.findings.findings, &case.findings.quality);
+    let inadequate: Vec<&String> = case.quality.iter().map(|(_, f)| &f.why).filter(|w| !w.is_empty()).collect();
+    for (name, value) in [
+        ("quality", json!(case.findings.quality)),
+        ("inadequate", json!(inadequate)),
+        ("category", json!(draft.category)),
+        ("because", json!(draft.because)),
+    ] {
+        stats.insert(name.to_owned(), value);
     }
-    Ok(())
+    output::write_json(path, &stats)
 }
 
-/// Writes everything but the stats, each file in one piece, the page last.
-fn write(case: &Case, segments: &segments::Segments, args: &CaseArgs, progress: &Progress) -> Result<()> {
-    let file = |name: &str| args.out.join(name);
-    case.findings.write(&file("findings.json"))?;
-    output::write_json(&file("findings.mrk.json"), &markups::findings(&case.findings))?;
+/// Writes everything but the stats, the page last.
+fn write(
+    case: &Case,
+    segments: &Segments,
+    args: &CaseArgs,
+    outputs: &mut Outputs<'_>,
+    progress: &Progress,
+) -> Result<()> {
+    outputs.add_json("findings.json", &case.findings.json())?;
+    outputs.add_json("findings.mrk.json", &markups::findings(&case.findings))?;
     if let Some(line) = case.along.line() {
-        output::write_json(&file("centerline.mrk.json"), &curve(line))?;
+        outputs.add_json("centerline.mrk.json", &curve(line))?;
     } else {
         say("centerline.mrk.json is left out: no line leads from the rectum to the cecum");
     }
-    segments.write(&file("lumen.seg.nrrd"), progress)?;
+    let name = "lumen.seg.nrrd";
+    outputs.add_file(name, segments.write(&outputs.path(name), progress)?);
+    #[cfg(feature = "dicom")]
+    if args.dicom {
+        progress.stage("writing DICOM", 0);
+        dicom::write(case, segments, outputs)?;
+    }
+    let _ = args;
     let page = page::html(case)?;
-    output::write_whole(&file("report.html"), |w| w.write_all(page.as_bytes()))
+    outputs.add("report.html", |w| w.write_all(page.as_bytes()))
 }
 
 /// Returns the quality of each segment, with coverage and times of the reading.

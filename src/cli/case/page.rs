@@ -24,7 +24,8 @@ pub(super) fn html(case: &Case) -> Result<String> {
     let _ = write!(
         out,
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>CT colonography</title><style>{STYLE}</style></head><body>\n\
-         <h1>CT colonography</h1>\n<p class=\"soft\">Without name or number of the patient. Scan {}.</p>\n<p class=\"caution\">{CAUTION}</p>\n",
+         <h1>CT colonography</h1>\n<p class=\"soft\">{} Scan {}.</p>\n<p class=\"caution\">{CAUTION}</p>\n",
+        escape(&whose(case).unwrap_or_else(|| "Without name or number of the patient.".to_owned())),
         escape(&short(&case.findings.scan))
     );
     category(case, &mut out);
@@ -51,6 +52,40 @@ pub(super) fn html(case: &Case) -> Result<String> {
         env!("CARGO_PKG_VERSION")
     );
     Ok(out)
+}
+
+/// Returns whose scan it is, in words; `None` if that is not known or may not be told.
+#[cfg(feature = "dicom")]
+fn whose(case: &Case) -> Option<String> {
+    use crate::volume::io::identity as tags;
+    let study = Some(&case.study).filter(|study| !study.is_nobodys())?;
+    let of = |tag| study.text(tag).filter(|text| !text.is_empty());
+    // The first of a name's forms, in other letters, and its parts.
+    let name = of(tags::PATIENT_NAME).and_then(|name| {
+        let parts = name.split('=').find(|form| !form.is_empty())?.split('^').map(str::trim).filter(|p| !p.is_empty());
+        Some(parts.collect::<Vec<_>>().join(", "))
+    });
+    let day = |text: &str| match (text.get(..4), text.get(4..6), text.get(6..8)) {
+        (Some(year), Some(month), Some(day)) => format!("{year}-{month}-{day}"),
+        _ => text.to_owned(),
+    };
+    let parts = [
+        name,
+        of(tags::PATIENT_ID).map(|id| format!("number {id}")),
+        of(tags::BIRTH_DATE).map(|date| format!("born {}", day(date))),
+        of(tags::SEX).map(str::to_owned),
+        of(tags::STUDY_DATE).map(|date| format!("study of {}", day(date))),
+        of(tags::STUDY_DESCRIPTION).map(str::to_owned),
+        of(tags::ACCESSION).map(|number| format!("accession {number}")),
+    ];
+    let words = parts.into_iter().flatten().collect::<Vec<_>>().join("; ");
+    (!words.is_empty()).then(|| format!("{words}."))
+}
+
+/// Without DICOM, no input tells.
+#[cfg(not(feature = "dicom"))]
+fn whose(_: &Case) -> Option<String> {
+    None
 }
 
 fn category(case: &Case, out: &mut String) {

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::fields::{Along, Lumen};
+use crate::output::AtomicFile;
 use crate::progress::Progress;
 use crate::volume::Grid;
 use crate::volume::io::{self, SegmentLabel};
@@ -60,8 +61,26 @@ pub(super) fn of(lumen: &Lumen, along: &Along) -> Result<Segments> {
 }
 
 impl Segments {
-    /// Writes them as a segmentation.
-    pub(super) fn write(&self, path: &Path, progress: &Progress) -> Result<()> {
+    /// Returns the grid of the labels.
+    #[cfg(feature = "dicom")]
+    pub(super) fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// Returns the label of each voxel, 0 outside the lumen.
+    #[cfg(feature = "dicom")]
+    pub(super) fn labels(&self) -> &[u8] {
+        &self.labels
+    }
+
+    /// Returns what the labels stand for.
+    #[cfg(feature = "dicom")]
+    pub(super) fn names(&self) -> &[SegmentLabel] {
+        &self.names
+    }
+
+    /// Writes them as a segmentation into a file that is left to finish. Fails with status 4 if cancelled, 5 if it cannot be written.
+    pub(super) fn write(&self, path: &Path, progress: &Progress) -> Result<AtomicFile> {
         io::save_segments(path, &self.grid, &self.labels, &self.names, progress)
     }
 }

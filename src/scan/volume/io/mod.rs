@@ -9,6 +9,7 @@ mod deflate;
 mod dicom;
 mod folder;
 mod frame;
+pub mod identity;
 mod metaimage;
 mod nifti;
 mod normalise;
@@ -31,6 +32,7 @@ use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
 use crate::error::{Error, Result};
+use crate::output::AtomicFile;
 use crate::progress::Progress;
 use crate::volume::{Grid, PatientPosition, Volume, content_hash, hounsfield};
 
@@ -101,6 +103,21 @@ enum Format {
 /// Returns status 3 with the reason if the input is unusable, status 4 if cancelled.
 pub fn load(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<Loaded> {
     read(path, options, Modality::Ct, progress).map(|(loaded, _)| loaded)
+}
+
+/// Returns whose scan an input is; `None` if it is not DICOM, and so does not tell.
+///
+/// # Errors
+/// Returns status 3 if no series can be chosen or a header cannot be read, status 4 if cancelled.
+pub fn identity(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<Option<identity::Identity>> {
+    match detect(path, progress)?.0 {
+        #[cfg(feature = "dicom")]
+        Format::Dicom(files) => dicom::identity(path, &files, options, progress).map(Some),
+        _ => {
+            let _ = options;
+            Ok(None)
+        }
+    }
 }
 
 /// Reads the mask of a lumen: 0 outside, any positive whole number inside.
@@ -425,7 +442,7 @@ pub fn save_segments(
     labels: &[u8],
     segments: &[SegmentLabel],
     progress: &Progress,
-) -> Result<()> {
+) -> Result<AtomicFile> {
     check_size(path, grid, labels)?;
     write::segments(path, grid, labels, segments, progress)
 }

@@ -74,14 +74,15 @@ pub(crate) fn write(path: &Path, grid: &Grid, voxels: Voxels, progress: &Progres
     }
 }
 
-/// Writes labels as a segmentation of 3D Slicer. Fails with status 4 if cancelled, status 5 if the file cannot be written.
+/// Writes labels as a segmentation of 3D Slicer into a file that is left to finish. Fails with status 4 if cancelled, status 5 if the
+/// file cannot be written.
 pub(super) fn segments(
     path: &Path,
     grid: &Grid,
     labels: &[u8],
     segments: &[SegmentLabel],
     progress: &Progress,
-) -> Result<()> {
+) -> Result<AtomicFile> {
     let voxels = Voxels::Labels(labels);
     progress.stage("writing", voxels.bytes() as u64);
     let [nx, ny, nz] = grid.dims().map(|n| n.saturating_sub(1));
@@ -106,10 +107,13 @@ pub(super) fn segments(
             pair(format!("Segment{n}_Tags"), "Segmentation.Status:completed|".to_owned()),
         ]);
     }
-    one(path, |w| {
-        w.write_all(nrrd::header(grid, voxels.kind(), None, &pairs).as_bytes())?;
-        packed(w, &[], voxels, progress)
-    })
+    let mut file = AtomicFile::create(path)?;
+    let mut fill = || {
+        file.write_all(nrrd::header(grid, voxels.kind(), None, &pairs).as_bytes())?;
+        packed(&mut file, &[], voxels, progress)
+    };
+    fill().map_err(|e: Fail| e.about(path))?;
+    Ok(file)
 }
 
 /// The data file that [`write`](fn@write) writes beside a header; `None` for a format of one file.

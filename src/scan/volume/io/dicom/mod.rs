@@ -3,13 +3,14 @@
 //! [`parse`] reads a file's elements into a [`dataset`] and passes over damage that does not matter ([`recover`]), [`slice`] keeps the
 //! relevant ones, [`study`] groups slices into series and chooses one, [`passes`] divides a series whose [`marks`] tell that it is
 //! several volumes, [`stack`] orders slices in space, [`pixels`] converts stored values to HU ([`codestream`], [`samples`], [`lut`],
-//! [`units`]) and [`picture`] makes a small picture of a slice. [`index`] reads a DICOMDIR.
+//! [`units`]) and [`picture`] makes a small picture of a slice. [`index`] reads a DICOMDIR, and [`identity`] tells whose series it is.
 
 mod codestream;
 mod copies;
 mod dataset;
 mod even;
 mod fragments;
+mod identity;
 mod index;
 mod lut;
 mod marks;
@@ -38,6 +39,7 @@ use self::slice::Slice;
 use self::stack::{Gap, Stack};
 use self::study::Groups;
 pub(crate) use self::units::Units;
+use super::identity::Identity;
 use super::study::{self as list, Study};
 use super::{LoadOptions, Modality, source};
 use crate::error::{Error, Result};
@@ -106,6 +108,19 @@ fn units_of(slices: &[Slice]) -> Units {
     let doubtful = |s: &&Slice| s.units != Units::Hu;
     let other = slices.iter().find(|s| matches!(s.units, Units::Other(_)));
     other.or_else(|| slices.iter().find(doubtful)).map_or(Units::Hu, |s| s.units.clone())
+}
+
+/// Returns whose series the chosen one of `files` of `input` is. Fails with status 3 if no series can be chosen or a header cannot be
+/// read, status 4 if cancelled.
+pub(crate) fn identity(
+    input: &Path,
+    files: &[PathBuf],
+    options: &LoadOptions,
+    progress: &Progress,
+) -> Result<Identity> {
+    let groups = groups(input, files, &mut Vec::new(), progress)?;
+    let chosen = groups.choose(input, options.series, Modality::Ct, &mut Vec::new())?;
+    identity::of(&groups.slices[chosen], progress)
 }
 
 /// Returns the study in `files` of `input`, with pictures of at most `side` pixels a side. Fails with status 3 if no file can be

@@ -1,0 +1,182 @@
+//! The DICOM objects of `colvis case`, read by independent judges; and whose scan its files tell.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use colvis::progress::Progress;
+use colvis::volume::Volume;
+use colvis::volume::io::{self, LoadOptions};
+use glam::DVec3;
+
+use crate::case::Read;
+use crate::support::checks::cases;
+use crate::support::dicom::Slice;
+use crate::support::run::run;
+use crate::support::skips::skip;
+
+/// What the headers of a study tell of the patient.
+const SECRETS: [&str; 6] = ["Featherstone", "Marjoribanks", "SECRET7", "19500102", "1950-01-02", "1.2.826.0.1.99"];
+const STUDY: &str = "1.2.826.0.1.99.1";
+
+/// Writes a scan as a DICOM study. `turned` reverses the scan's first and second axis, as for a prone patient or feet first.
+fn study(volume: &Volume, turned: [bool; 2], position: &'static str, folder: &Path) {
+    std::fs::create_dir(folder).unwrap();
+    let grid = volume.grid();
+    let ([nx, ny, nz], spacing) = (grid.dims(), grid.spacing());
+    let at = |n: usize, count: usize, turned: bool| if turned { count - 1 - n } else { n };
+    let sign = |turned: bool| if turned { -1.0 } else { 1.0 };
+    let (x, y) = (grid.direction().x_axis * sign(turned[0]), grid.direction().y_axis * sign(turned[1]));
+    for k in 0..nz {
+        let first = [at(0, nx, turned[0]), at(0, ny, turned[1]), k].map(|n| n as f64);
+        let pixel = |n: usize| {
+            let hu = volume.data()[grid.index(at(n % nx, nx, turned[0]), at(n / nx, ny, turned[1]), k)];
+            (hu + 1024).cast_unsigned()
+        };
+        let slice = Slice {
+            patient: ["Featherstone^Marjoribanks", "SECRET7"],
+            study: STUDY,
+            series: "1.2.826.0.1.99.2".to_owned(),
+            frame_of_reference: "1.2.826.0.1.99.3",
+            patient_position: position,
+            rows: ny as u16,
+            cols: nx as u16,
+            position: Some(grid.world(DVec3::from_array(first)).to_array()),
+            orientation: [x, y].map(|v| v.to_array()).as_flattened().try_into().unwrap(),
+            spacing: format!("{}\\{}", spacing.y, spacing.x),
+            pixels: (0..nx * ny).map(pixel).collect(),
+            ..Slice::at(0.0)
+        };
+        std::fs::write(folder.join(format!("{k:04}.dcm")), slice.bytes()).unwrap();
+    }
+}
+
+/// Runs a judge; `None` if it is not here.
+fn judge(program: &str, args: &[&str]) -> Option<Output> {
+    match Command::new(program).args(args).output() {
+        Ok(output) => Some(output),
+        Err(_) => {
+            skip("judges", &format!("{program} is not here"));
+            None
+        }
+    }
+}
+
+fn said(output: &Output) -> String {
+    [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text).into_owned()).concat()
+}
+
+/// Returns the objects of a report.
+fn objects(report: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(report).unwrap().map(|e| e.unwrap().path());
+    let mut list: Vec<PathBuf> = entries.filter(|p| p.extension().is_some_and(|e| e == "dcm")).collect();
+    list.sort();
+    list
+}
+
+/// `dciodvfy`, `dsrdump` and Python's readers have nothing against a report's objects.
+fn judged(report: &Path, mask: &str, study: &str, has_identity: bool) {
+    for path in objects(report) {
+        let path = path.to_str().unwrap();
+        let Some(output) = judge("dciodvfy", &["-new", path]) else { return };
+        let said = said(&output);
+        assert!(said.lines().all(|l| !l.starts_with("Error")), "{path}: {said}");
+    }
+    let file = report.join("report.dcm");
+    let Some(output) = judge("dsrdump", &[file.to_str().unwrap()]) else { return };
+    assert!(output.status.success() && said(&output).contains("Comprehensive 3D SR"), "{}", said(&output));
+    let Ok(python) = std::env::var("COLVIS_PEERS") else {
+        return skip("peers", "COLVIS_PEERS names no Python with highdicom and pydicom");
+    };
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/program/case_dicom.py");
+    let identity = if has_identity { "yes" } else { "no" };
+    let args = [script.to_str().unwrap(), report.to_str().unwrap(), mask, study, identity];
+    let output = judge(&python, &args).unwrap();
+    assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), "ok", "{}", said(&output));
+}
+
+/// Returns the files of a folder, below it too, that hold one of the patient's secrets.
+fn telling(folder: &Path) -> Vec<String> {
+    let mut list = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let bytes = std::fs::read(&path).unwrap();
+        let holds = |secret: &&str| bytes.windows(secret.len()).any(|w| w.eq_ignore_ascii_case(secret.as_bytes()));
+        list.extend(SECRETS.iter().filter(|s| holds(s)).map(|s| format!("{}: {s}", path.display())));
+    }
+    list
+}
+
+#[test]
+fn a_dicom_study_becomes_objects_that_others_read_and_only_asked_for_says_whose_it_is() {
+    let case = Read::new("folds,polyps,fluid,noise");
+    case.findings();
+    let volume = io::load(&case.path("scan.nii.gz"), &LoadOptions::default(), &Progress::new()).unwrap().volume;
+    let (mask, findings) = (case.text("mask.nii.gz"), case.text("findings.json"));
+    run(&["segment", &case.text("scan.nii.gz"), "--out", &mask], 0);
+    let positions = [("FFP", [false, true]), ("HFS", [false, false]), ("HFP", [true, true]), ("FFS", [true, false])];
+    for (position, turned) in positions.into_iter().take(cases(4, 1)) {
+        let (folder, report) = (case.path(position), case.path(&format!("{position}-report")));
+        study(&volume, turned, position, &folder);
+        let [study, out] = [&folder, &report].map(|p| p.to_str().unwrap());
+        let args = ["case", study, "--findings", &findings, "--out", out, "--dicom"];
+        run(&[&args[..], &["--identity"]].concat(), 0);
+        judged(&report, &mask, study, true);
+        let told = telling(&report);
+        // The page, too, but not what other programs get.
+        assert!(told.iter().any(|t| t.contains("report.html: SECRET7")) && told.iter().all(|t| !t.contains(".json")));
+        if position == positions[0].0 {
+            run(&args, 0);
+            judged(&report, &mask, study, false);
+            assert_eq!(telling(&report), [""; 0]);
+        }
+    }
+}
+
+#[test]
+#[ignore = "slow: judges of 6 seconds and more"]
+fn templates_are_met_and_segments_become_images() {
+    let case = Read::new("folds,polyps");
+    case.findings();
+    case.case(&["--dicom"], 0);
+    let report = case.path("case");
+    let file = |name: &str| report.join(name).to_str().unwrap().to_owned();
+    // The rules are larger than what Java takes for safe.
+    let limits = ["ExprOp", "ExprGrp", "TotalOp"].map(|what| format!("-Djdk.xml.xpath{what}Limit=0"));
+    let jar = "/usr/share/java/pixelmed.jar";
+    let report_file = file("report.dcm");
+    let args = [&limits[0], &limits[1], &limits[2], "-cp", jar, "com.pixelmed.validate.DicomSRValidator", &report_file];
+    if !Path::new(jar).exists() {
+        return skip("judges", "libpixelmed-java is not here");
+    }
+    let Some(output) = judge("java", &args) else { return };
+    let told = said(&output);
+    assert!(told.contains("Found Root Template TID_1500") && !told.contains("Error"), "{told}");
+
+    let Some(python) = std::env::var_os("COLVIS_PEERS") else {
+        return skip("peers", "COLVIS_PEERS names no Python with dcmqi");
+    };
+    let tool = |name: &str| Path::new(&python).with_file_name(name).to_str().unwrap().to_owned();
+    let meta = case.text("sr.json");
+    let Some(output) = judge(&tool("tid1500reader"), &["--inputDICOM", &report_file, "--outputMetadata", &meta]) else {
+        return;
+    };
+    assert!(output.status.success(), "{}", said(&output));
+    let meta: serde_json::Value = serde_json::from_slice(&std::fs::read(meta).unwrap()).unwrap();
+    assert_eq!(meta["Measurements"].as_array().unwrap().len(), 4);
+    assert_eq!(meta["Measurements"][0]["TrackingIdentifier"], "finding 1");
+    let images = case.text("images");
+    std::fs::create_dir(&images).unwrap();
+    let args = ["--inputDICOM", &file("segments.dcm"), "--outputDirectory", &images, "--outputType", "nii"];
+    let output = judge(&tool("segimage2itkimage"), &args).unwrap();
+    assert!(output.status.success() && Path::new(&images).join("1.nii.gz").exists(), "{}", said(&output));
+}
+
+#[test]
+fn without_a_header_that_tells_there_is_no_identity() {
+    let case = Read::new("folds,polyps");
+    case.findings();
+    let output = case.case(&["--identity"], 0);
+    assert!(String::from_utf8_lossy(&output.stderr).contains("does not tell whose scan it is"), "{}", said(&output));
+    let page = std::fs::read_to_string(case.path("case/report.html")).unwrap();
+    assert!(page.contains("Without name or number of the patient"));
+}
