@@ -388,6 +388,9 @@ pub struct MeasureArgs {
     pub stats: Option<PathBuf>,
 }
 
+/// The category scheme of a report, unless another one is asked for.
+const SCHEME: &str = "c-rads-2023";
+
 /// `case`'s arguments.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct CaseArgs {
@@ -400,7 +403,7 @@ pub struct CaseArgs {
     #[arg(long, value_name = "DIR/")]
     pub out: PathBuf,
     /// Category scheme: c-rads-2023, england, or a .toml file
-    #[arg(long, value_name = "SCHEME", default_value = "c-rads-2023")]
+    #[arg(long, value_name = "SCHEME", default_value = SCHEME)]
     pub scheme: String,
     /// Write DICOM objects, too: report.dcm (structured report), segments.dcm, capture-NN.dcm
     #[arg(long)]
@@ -414,6 +417,13 @@ pub struct CaseArgs {
 }
 
 impl CaseArgs {
+    /// Returns the arguments of a plain report.
+    #[cfg(feature = "window")]
+    pub(super) fn new(input: PathBuf, findings: PathBuf, out: PathBuf) -> Self {
+        let scheme = SCHEME.to_owned();
+        Self { input, findings, out, scheme, dicom: false, identity: false, stats: None }
+    }
+
     /// Returns the scheme's file, if it is one.
     pub(super) fn scheme_file(&self) -> Option<PathBuf> {
         Some(PathBuf::from(&self.scheme)).filter(|_| !Scheme::is_built_in(&self.scheme))

@@ -116,9 +116,29 @@ fn vector(value: &Value) -> DVec3 {
     serde_json::from_value(value.clone()).unwrap()
 }
 
-/// True if a window has said nothing but that it has cleansed the scan: no warning, and not that findings are not kept.
+/// True if a window has said nothing but that it has cleansed the scan, or that a finding of a report is no lesion: no warning, and not
+/// that findings are not kept.
 fn is_content(err: &str) -> bool {
-    err.lines().all(|line| line.starts_with("note: removed ") && line.contains("of tagged fluid"))
+    err.lines().all(|line| {
+        line.starts_with("note: removed ") && line.contains("of tagged fluid") || line.contains(" has no measures: ")
+    })
+}
+
+/// Writes the report, and returns its findings once it is there.
+fn report(screen: &Screen, shots: &Path) -> Value {
+    screen.key("ctrl+x");
+    let begun = Instant::now();
+    loop {
+        let folders = fs::read_dir(shots).into_iter().flatten().map(|e| e.unwrap().path());
+        let mut reports = folders.filter(|p| p.join("report.html").exists());
+        if let Some(report) = reports.next() {
+            let page = fs::read_to_string(report.join("report.html")).unwrap();
+            assert!(page.trim_end().ends_with("</html>"));
+            return serde_json::from_slice(&fs::read(report.join("findings.json")).unwrap()).unwrap();
+        }
+        assert!(begun.elapsed() < PATIENCE, "there is no report in {}", shots.display());
+        std::thread::sleep(Duration::from_millis(100));
+    }
 }
 
 fn quit(screen: &Screen, mut window: Running) {
@@ -141,6 +161,10 @@ fn findings_are_in_the_scans_file_whatever_form_the_scan_comes_in() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     write_phantom(folder, "scan.nii.gz");
+    let shots = folder.join("shots");
+    fs::create_dir_all(folder.join("config/colvis")).unwrap();
+    let settings = format!("version = 1\nscreenshots = {:?}\n", shots.to_str().unwrap());
+    fs::write(folder.join("config/colvis/settings.toml"), settings).unwrap();
     let window = open(&screen, folder, "scan.nii.gz", true);
     assert!(kept(folder).is_none());
 
@@ -180,6 +204,9 @@ fn findings_are_in_the_scans_file_whatever_form_the_scan_comes_in() {
     let (path, found) = kept_when(folder, "all", |found| {
         list(found, "outside").len() == 1 && list(found, "findings").iter().all(is_whole)
     });
+    let reported = report(&screen, &shots);
+    assert_eq!((ids(&reported), list(&reported, "outside").len()), (vec!["1", "2", "3"], 1));
+    assert!(list(&reported, "quality").iter().any(|q| q["seconds"].as_f64().unwrap() > 0.0), "{reported}");
     quit(&screen, window);
     assert_eq!(kept(folder).unwrap().1["findings"], found["findings"]);
     let name = path.file_name().unwrap().to_str().unwrap();

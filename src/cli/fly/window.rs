@@ -12,13 +12,14 @@ use super::files::read_commands;
 use super::{Screen, ask_plugins, leave, leave_unflown, overlays, request, say, scene, stats};
 use crate::app::{FlightApp, FlightRequest, Place, Scan, Scene, Timings};
 use crate::cli::Program;
-use crate::cli::args::{FlyArgs, Global};
+use crate::cli::args::{CaseArgs, FlyArgs, Global};
+use crate::cli::case;
 use crate::cli::prepare;
 use crate::cli::values::Point;
 use crate::components::input::{HandCommand, TimedCommand};
 use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
-use crate::host::window::{self, Asked, Resume};
+use crate::host::window::{self, Asked, ReportOrder, Resume};
 use crate::polyps::detectors;
 use crate::progress::Progress;
 
@@ -62,6 +63,7 @@ pub(crate) fn fly(
         detector: program.catalog.find_detector(args.detector.as_deref().unwrap_or(detectors::BUILT_IN[0].name))?,
         panels: program.all_panels(),
         actions: program.actions.clone(),
+        report: report(global),
         layout: args.layout.clone(),
     };
     let ended = window::run(display, launch, progress).and_then(|()| all_written(args, flown.get()));
@@ -69,6 +71,16 @@ pub(crate) fn fly(
         if !flown.get() {
             leave_unflown(args, &timings.lock().unwrap_or_else(PoisonError::into_inner), e);
         }
+    })
+}
+
+/// Makes the report of a reading with the options of the window's scan.
+fn report(global: &Global) -> window::MakeReport {
+    let global = global.clone();
+    Arc::new(move |order: &ReportOrder, progress: &Arc<Progress>| {
+        let ReportOrder { input, series, findings, out, for_archive } = order.clone();
+        let args = CaseArgs { dicom: for_archive, identity: for_archive, ..CaseArgs::new(input, findings, out) };
+        case::run(&args, &Global { series, ..global.clone() }, progress)
     })
 }
 

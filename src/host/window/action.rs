@@ -72,7 +72,10 @@ pub(crate) const MENUS: &[(&str, &[&str])] = &[
         ],
     ),
     ("Slices", &["window-", "slab", "slab-kind", "slices-reset", "kinds", "kind-"]),
-    ("Findings", &["finding", "finding-outside", "panel-findings", "undo", "measure", "delete-last", "measure-lesion"]),
+    (
+        "Findings",
+        &["finding", "finding-outside", "panel-findings", "report", "undo", "measure", "delete-last", "measure-lesion"],
+    ),
     ("Candidates", &["panel-candidates", "candidate-"]),
     ("Panels", &["layout-", "panel-"]),
     ("Help", &["help", "cancel"]),

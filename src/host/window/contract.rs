@@ -17,6 +17,7 @@ use super::kinds::Kinds;
 use super::measures::Measures;
 use super::overlay::HudState;
 use super::quality::QualityTool;
+use super::reporting::Reporting;
 use super::seen::Seen;
 use super::slices::Slices;
 use crate::app::FlightApp;
@@ -84,6 +85,8 @@ pub(crate) trait WindowView {
     fn findings(&self) -> &FindingTool;
     /// Returns the quality of the segments.
     fn quality(&self) -> &QualityTool;
+    /// Returns the report that is made, or was made last.
+    fn reporting(&self) -> &Reporting;
     /// Returns the segment of the colon that the camera is in, if it is known.
     fn segment_here(&self) -> Option<&'static str>;
     /// Returns what of the wall was seen.

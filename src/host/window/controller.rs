@@ -41,6 +41,7 @@ use super::overlays::Overlays;
 use super::own_action::OwnActions;
 use super::place::{Bar, Chosen, Place, which_segment};
 use super::quality::QualityTool;
+use super::reporting::{Reported, Reporting};
 use super::seen::Seen;
 use super::slices::Slices;
 use super::style::{Severity, angle};
@@ -128,6 +129,7 @@ pub(crate) struct FlightController {
     findings: FindingTool,
     /// How well each segment can be read, and how long it was looked at.
     quality: QualityTool,
+    reporting: Reporting,
     /// True once anything of the flight was shown.
     has_shown: bool,
     background: Background,
@@ -216,6 +218,7 @@ impl FlightController {
             document,
             findings: FindingTool::new(now),
             quality: QualityTool::new(now),
+            reporting: Reporting::new(now),
             has_shown: false,
             background,
             last_guide,
@@ -233,6 +236,11 @@ impl FlightController {
     /// Returns the flight for modification, for example to take its log.
     pub(crate) fn flight_mut(&mut self) -> &mut FlightApp {
         &mut self.flight
+    }
+
+    /// Sets of what reports are made.
+    pub(crate) fn set_reported(&mut self, of: Option<Reported>) {
+        self.reporting.set(of);
     }
 
     /// Takes the actions of other crates.
@@ -341,6 +349,7 @@ impl FlightController {
             seen,
             found,
             self.quality.next(),
+            self.reporting.next(),
             finer,
             message,
             self.figures.next(),
@@ -500,6 +509,9 @@ impl FlightController {
         if self.has_unkept() {
             let why = self.unkept.iter().map(|why| format!("{why} "));
             return Some(why.chain(["What you made here is not kept.".to_owned()]).collect());
+        }
+        if self.reporting.is_working() {
+            return Some("The report is not finished.".to_owned());
         }
         let assistant = self.assistant()?;
         if let super::assistant::State::Working(..) = assistant.state() {
@@ -679,6 +691,7 @@ impl FlightController {
         self.take_seen(now);
         self.take_findings(now);
         self.take_quality(now);
+        self.take_report(now);
         for note in self.flight.take_notes() {
             // A message is soon gone, and the last ones are never read.
             if self.reported.insert(note.clone()) {

@@ -132,6 +132,10 @@ pub(crate) enum Intent {
 
     /// Compute the quality of the segments.
     Quality,
+    /// Write the report of this reading.
+    Report,
+    /// Stop making a report.
+    CancelReport,
 
     /// Show or hide the kinds of gas in the slices, and their panel.
     Kinds,

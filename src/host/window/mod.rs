@@ -48,6 +48,7 @@ mod present_timer;
 mod printed;
 mod quality;
 mod recent;
+mod reporting;
 mod screen;
 mod screenshot;
 mod screenshot_renderer;
@@ -98,6 +99,8 @@ pub(crate) use painter::{Marker, pixels_a_point};
 use panels::{ActionEntry, PanelEntry};
 #[doc(hidden)]
 pub use present_timer::PresentMs;
+#[doc(hidden)]
+pub use reporting::{MakeReport, ReportOrder};
 use settings::Settings;
 use shell::{Shell, Wake};
 
@@ -259,6 +262,8 @@ pub struct Launch {
     pub panels: Vec<PanelEntry>,
     /// Actions of other crates.
     pub actions: Vec<ActionEntry>,
+    /// Makes the report of a reading.
+    pub report: MakeReport,
     /// Layout of the panels; the last used one if `None`.
     pub layout: Option<String>,
 }

@@ -33,6 +33,7 @@ use super::photograph::Views;
 use super::placement::Placement;
 use super::printed::Printed;
 use super::recent::Recent;
+use super::reporting::{MakeReport, Reported};
 use super::settings;
 use super::sheet::{self, Sheet};
 use super::stroke::{Pressed, Stroke};
@@ -103,6 +104,7 @@ pub(crate) struct Shell {
     /// That of the scan that was closed last, until the next one is open: it may be the same.
     left: Option<Keeping>,
     open: Box<dyn Fn(Asked) -> Result<Opening>>,
+    report: MakeReport,
     recent: Recent,
     /// Shown in a window whose scan could not be opened.
     file_list: FileList,
@@ -162,6 +164,7 @@ impl Shell {
             size: launch.size,
             placement,
             open: launch.open,
+            report: launch.report,
             recent,
             file_list: FileList::default(),
             proxy,
@@ -297,6 +300,11 @@ impl Shell {
             FlightController::new(flight, self.background.clone(), overlays, Rc::clone(&self.actions))?;
         controller.set_own(Rc::clone(&self.own));
         controller.set_detector(self.detector);
+        controller.set_reported(self.scan.input.clone().map(|input| Reported {
+            make: Arc::clone(&self.report),
+            input,
+            series: self.scan.series,
+        }));
         if self.scan.seconds.is_some() {
             controller.limit_time();
         }

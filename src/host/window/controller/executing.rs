@@ -13,6 +13,7 @@ use crate::host::window::intent::{ActionContext, Intent, WhyNot};
 use crate::host::window::kinds::Kinds;
 use crate::host::window::measures::Measures;
 use crate::host::window::quality::QualityTool;
+use crate::host::window::reporting::Reporting;
 use crate::host::window::seen::Seen;
 use crate::host::window::slices::Slices;
 
@@ -98,6 +99,8 @@ impl FlightController {
             I::DeleteFinding(n) => self.delete_finding(n, now),
             I::DrawFindings => self.findings.order_missing(&self.document.found().findings),
             I::Quality => self.quality.want(),
+            I::Report => self.write_report(now),
+            I::CancelReport => self.reporting.cancel(),
             I::Outside => self.mark_outside(now),
             I::EditOutside(n, category, text) => self.edit_outside(n, category, text, now),
             I::DeleteOutside(n) => self.delete_outside(n, now),
@@ -159,6 +162,7 @@ impl FlightController {
             I::NextMissed => self.may_see_missed(),
             // A replayed log knows no tour.
             I::Review => self.may_fly_itself().and_then(|()| self.may_see_missed()),
+            I::Report => self.reporting.why_not().map_or(Ok(()), |why| Err(why.into())),
             I::UndoAnswer if !self.document.may_undo_answers() => Err("no answer was changed".into()),
             I::Own(n) => self.own.why_not(*n, &self.flight).map_or(Ok(()), Err),
             _ => Ok(()),
@@ -198,6 +202,10 @@ impl WindowView for FlightController {
 
     fn quality(&self) -> &QualityTool {
         &self.quality
+    }
+
+    fn reporting(&self) -> &Reporting {
+        &self.reporting
     }
 
     fn segment_here(&self) -> Option<&'static str> {

@@ -1,8 +1,9 @@
-//! Changes to distances, answers and kinds: noted in the order in which they are made, and undone.
+//! Changes to distances, answers and kinds: noted in the order in which they are made, and undone; and the report of what was found.
 
 use std::time::Instant;
 
 use super::FlightController;
+use super::saving::PATH_MESSAGE;
 #[cfg(test)]
 use crate::app::findings::Quality;
 use crate::error::Result;
@@ -67,6 +68,22 @@ impl FlightController {
             ..Quality::default()
         };
         self.quality.restore(&list.iter().map(quality).collect::<Vec<_>>());
+    }
+
+    /// Begins the report of this reading.
+    pub(super) fn write_report(&mut self, now: Instant) {
+        let mut found = self.document.found().clone();
+        found.quality = self.quality.stored(&self.flight, &found.quality);
+        self.reporting.write(found, self.screenshots.as_deref(), &self.background, now);
+        self.say("making the report ...", now);
+    }
+
+    /// Tells of a report that is done.
+    pub(super) fn take_report(&mut self, now: Instant) {
+        if let Some(told) = self.reporting.take(now) {
+            self.message = Some((told, now + PATH_MESSAGE));
+            self.attention = true;
+        }
     }
 
     /// Stores the times and the quality of the segments, when the scan is closed.

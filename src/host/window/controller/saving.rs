@@ -13,7 +13,7 @@ use crate::host::window::screenshot_renderer::Traced;
 use crate::render::Frame;
 
 /// How long the path of a screenshot is shown: it must be read.
-const PATH_MESSAGE: Duration = Duration::from_secs(8);
+pub(super) const PATH_MESSAGE: Duration = Duration::from_secs(8);
 
 impl FlightController {
     /// Sets the folder of screenshots; the platform's folder for pictures if `None`.

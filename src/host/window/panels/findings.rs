@@ -49,7 +49,9 @@ impl Panel for FindingsPanel {
             context.button(ui, "Mark", "finding", requests);
             context.button(ui, "Outside the colon", "finding-outside", requests);
             context.button(ui, "Undo", "undo", requests);
+            context.button(ui, "Write the report", "report", requests);
         });
+        reporting(context, ui, requests);
         if found.findings.is_empty() && found.outside.is_empty() {
             let told =
                 "Nothing is marked yet. Point at the wall, in the flight or in a slice, or let the flight look at it.";
@@ -83,6 +85,21 @@ impl Panel for FindingsPanel {
                 ui.push_id(&finding.id, |ui| self.chosen(context, n, finding, ui, requests));
             });
         }
+    }
+}
+
+/// Lays out what becomes of a report.
+fn reporting(context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
+    let Some((told, share)) = context.view.reporting().state() else { return };
+    if !context.view.reporting().is_working() {
+        ui.label(RichText::new(told).color(SOFT));
+        return;
+    }
+    // A stage that has counted everything may still have work of unknown length.
+    let percent = share.filter(|s| *s < 1.0).map_or_else(String::new, |s| format!("  {:.0} %", 100.0 * s));
+    ui.label(RichText::new(format!("{told} ...{percent}")).color(SOFT));
+    if ui.button("Cancel").clicked() {
+        requests.ask(Intent::CancelReport);
     }
 }
 
