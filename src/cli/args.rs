@@ -10,12 +10,12 @@ use clap::error::ErrorKind;
 use clap::{ArgAction, Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 
 pub use crate::cli::phantom_args::{PhantomArgs, PhantomFeature, PhantomPosition, PhantomSize};
-pub use crate::cli::values::{Pair, Point, Triple};
+pub use crate::cli::values::{Pair, Point, SeriesChoice, Triple};
 pub use crate::render::ImageSize;
 
 use crate::app::findings::Scheme;
 use crate::cli::messages::{failed, print};
-use crate::cli::values::{count, number, plane, seed, slab, steps, threads};
+use crate::cli::values::{count, number, plane, seed, series, slab, steps, threads};
 use crate::cli::{Program, unbuilt};
 use crate::error::{Error, program_name, set_program_name};
 use crate::fields::CenterlineMethod;
@@ -51,9 +51,9 @@ pub struct Global {
     /// HU of black and of white, for inputs that are not in HU (PNG slices)
     #[arg(long, global = true, value_name = "LO,HI", allow_hyphen_values = true)]
     pub hu: Option<Pair>,
-    /// Number of the DICOM series to open, if a folder has several
-    #[arg(long, global = true, value_name = "N", value_parser = count, allow_negative_numbers = true)]
-    pub series: Option<usize>,
+    /// Number of the DICOM series to open, if a folder has several (`archive get`: the identifier of the series)
+    #[arg(long, global = true, value_name = "N", value_parser = series, allow_negative_numbers = true)]
+    pub series: Option<SeriesChoice>,
     /// Interpolate missing DICOM slices instead of refusing the series
     #[arg(long, global = true)]
     pub allow_gaps: bool,
@@ -69,6 +69,16 @@ pub struct Global {
     /// Random seed of the phantom
     #[arg(long, global = true, value_name = "N", value_parser = seed, allow_negative_numbers = true)]
     pub seed: Option<u64>,
+}
+
+impl Global {
+    /// Returns the number of the series to open.
+    pub(super) fn series_number(&self) -> Option<usize> {
+        match self.series {
+            Some(SeriesChoice::Number(number)) => Some(number),
+            _ => None,
+        }
+    }
 }
 
 /// The commands.
@@ -94,6 +104,8 @@ pub enum Command {
     Measure(MeasureArgs),
     /// Write the report of a reading, and its findings for other programs
     Case(CaseArgs),
+    /// Ask an archive (PACS) for scans, fetch them, send files to it
+    Archive(ArchiveArgs),
     /// Write a synthetic colon and its ground truth
     Phantom(PhantomArgs),
     /// Print an input's size, spacing, orientation and header as JSON
@@ -428,6 +440,46 @@ impl CaseArgs {
     pub(super) fn scheme_file(&self) -> Option<PathBuf> {
         Some(PathBuf::from(&self.scheme)).filter(|_| !Scheme::is_built_in(&self.scheme))
     }
+}
+
+/// `archive`'s arguments.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct ArchiveArgs {
+    /// What to do
+    #[arg(value_enum)]
+    pub action: ArchiveAction,
+    /// Name of the archive in the settings file, if that has several; `send`: and the files and folders to send
+    #[arg(value_name = "NAME|FILE")]
+    pub names: Vec<PathBuf>,
+    /// `find`: name or identifier of the patient; * stands for any characters, ? for one
+    #[arg(long, value_name = "P")]
+    pub patient: Option<String>,
+    /// `find`: day of the study, 20250131, or first and last day, of which one may be left out: 20250101-20250331
+    #[arg(long, value_name = "A-B", allow_hyphen_values = true)]
+    pub date: Option<String>,
+    /// `find`: words in the description of the study or the series
+    #[arg(long, value_name = "T")]
+    pub description: Option<String>,
+    /// `find`: maximum number of studies [default: 500]
+    #[arg(long, value_name = "N", value_parser = count, allow_negative_numbers = true)]
+    pub max: Option<usize>,
+    /// `get`: folder for the series, a file for each instance
+    #[arg(long, value_name = "DIR/")]
+    pub out: Option<PathBuf>,
+}
+
+/// What is done with an archive.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+#[value(rename_all = "lower")]
+pub enum ArchiveAction {
+    /// Ask whether the archive is there.
+    Echo,
+    /// Print studies with CT series as JSON.
+    Find,
+    /// Fetch the series of --series; the same command goes on after an interruption.
+    Get,
+    /// Send DICOM files, as they are.
+    Send,
 }
 
 /// `info`'s arguments.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::cli::args::{Args, Command, FlyArgs, PlaneArgs};
+use crate::cli::args::{ArchiveAction, Args, Command, FlyArgs, PlaneArgs};
 use crate::cli::candidates::gallery;
 use crate::cli::case;
 use crate::error::{Error, Result};
@@ -45,6 +45,11 @@ impl Files {
                     .writes([&a.out])
                     .writes(files)
                     .writes(&a.stats)
+            }
+            // `get` writes and reads no file: its folder may have the archive's name.
+            Some(Command::Archive(a)) => {
+                let is_get = a.action == ArchiveAction::Get;
+                none().reads(a.names.iter().filter(|_| !is_get)).writes(&a.out)
             }
             Some(Command::Measure(a)) => none().reads([&a.input]).writes(&a.out).writes(&a.stats),
             Some(Command::Phantom(a)) => none().writes([&a.out]).writes(&a.twin).writes(&a.labels).writes(&a.truth),

@@ -8,7 +8,7 @@ use crate::cli::Program;
 use crate::cli::args::{self, Args};
 
 /// Options with a file that is read, as `command option`; all others are written. `*` stands for `fly` and its kin.
-const READ: [&str; 24] = [
+const READ: [&str; 25] = [
     "* input",
     "* answers",
     "* replay",
@@ -28,6 +28,7 @@ const READ: [&str; 24] = [
     "case input",
     "case findings",
     "case scheme",
+    "archive names",
     "info input",
     "plane lumen",
     "plane scene",
@@ -35,7 +36,7 @@ const READ: [&str; 24] = [
     "report truth",
 ];
 /// Options with a text that is no file.
-const NO_FILE: [&str; 1] = ["overlay"];
+const NO_FILE: [&str; 4] = ["overlay", "patient", "date", "description"];
 
 /// True if an option's value is a file: a path, or a text without a list to choose from.
 fn is_file(arg: &Arg) -> bool {

@@ -1,5 +1,7 @@
 //! The command line: arguments to calls, results to files and exit status.
 
+#[cfg(feature = "dicom")]
+mod archive;
 pub mod args;
 mod candidates;
 mod case;
@@ -47,7 +49,7 @@ use crate::render::{CameraModel, Preset, ShaderModel};
 #[cfg(feature = "window")]
 use crate::schedule::Guides;
 use crate::schedule::{Guide, Look, Plugin};
-use args::{Args, Command};
+use args::{Args, Command, SeriesChoice};
 pub use clap;
 use files::Files;
 use messages::{failed, print, print_failure};
@@ -403,6 +405,10 @@ fn run(program: &Program, args: Args) -> Result<()> {
         Some(Command::Explain(a)) => a.fly.scene.as_deref(),
         _ => None,
     };
+    if let (Some(SeriesChoice::Uid(uid)), false) = (&global.series, matches!(args.command, Some(Command::Archive(_)))) {
+        let why = format!("{uid} is not a whole number from 1 to 4096");
+        return Err(Error::usage("--series", why, "give the number of the series in the folder"));
+    }
     prepare::check(program, &global, scene)?;
     files.check_apart()?;
     gather_threads(global.threads)?;
@@ -416,6 +422,7 @@ fn run(program: &Program, args: Args) -> Result<()> {
             | Command::Candidates(_)
             | Command::Measure(_)
             | Command::Case(_)
+            | Command::Archive(_)
             | Command::Surface(_)
             | Command::Cleanse(_)
             | Command::Centerline(_),
@@ -429,6 +436,12 @@ fn run(program: &Program, args: Args) -> Result<()> {
         Some(Command::Segment(a)) => segment::run(&a, &global, &progress),
         Some(Command::Measure(a)) => measure::run(&a, &global, &progress),
         Some(Command::Case(a)) => case::run(&a, &global, &progress),
+        #[cfg(feature = "dicom")]
+        Some(Command::Archive(a)) => archive::run(&a, &global, &progress),
+        #[cfg(not(feature = "dicom"))]
+        Some(Command::Archive(_)) => {
+            Err(Error::usage("archive", "is not part of this program", "build colvis with its feature `dicom`"))
+        }
         Some(Command::Candidates(a)) => candidates::run(program, &a, &global, &progress),
         Some(Command::Surface(a)) => surface::run(&a, &global, &progress),
         Some(Command::Cleanse(a)) => cleanse::run(&a, &global, &progress),

@@ -39,7 +39,7 @@ pub(crate) fn load_options(global: &Global) -> LoadOptions {
     LoadOptions {
         spacing: global.spacing.map(|s| s.0),
         hu: global.hu.map(|p| (p.0, p.1)),
-        series: global.series,
+        series: global.series_number(),
         allow_gaps: global.allow_gaps,
     }
 }

@@ -109,6 +109,21 @@ pub(crate) fn count(s: &str) -> Result<usize, String> {
     s.parse().ok().filter(|n| (1..=4096).contains(n)).ok_or_else(|| "must be a whole number from 1 to 4096".to_owned())
 }
 
+/// Which series of an input, or of an archive.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SeriesChoice {
+    /// Its number, from 1, among the series of a folder.
+    Number(usize),
+    /// Its identifier.
+    Uid(String),
+}
+
+/// A series: a number, or an identifier, which has dots.
+pub(crate) fn series(s: &str) -> Result<SeriesChoice, String> {
+    let is_uid = s.contains('.') && s.bytes().all(|b| b == b'.' || b.is_ascii_digit());
+    if is_uid { Ok(SeriesChoice::Uid(s.to_owned())) } else { count(s).map(SeriesChoice::Number) }
+}
+
 /// A number of steps, 1 or more.
 pub(crate) fn steps(s: &str) -> Result<u64, String> {
     s.parse().ok().filter(|n| *n > 0).ok_or_else(|| "must be a whole number, 1 or more".to_owned())
@@ -174,7 +189,9 @@ mod tests {
         assert_eq!((steps("1"), steps("18446744073709551615")), (Ok(1), Ok(u64::MAX)));
         assert_eq!((seed("0"), seed("7")), (Ok(0), Ok(7)));
         assert!(["0", "257", "-1", "1.5", ""].iter().all(|s| threads(s).is_err()));
-        assert!(["0", "4097", "x"].iter().all(|s| count(s).is_err()));
+        assert!(["0", "4097", "x"].iter().all(|s| count(s).is_err() && series(s).is_err()));
+        assert_eq!(series("2"), Ok(SeriesChoice::Number(2)));
+        assert_eq!(series("1.2.3"), Ok(SeriesChoice::Uid("1.2.3".to_owned())));
         assert!(steps("0").is_err() && seed("-1").is_err());
     }
 

@@ -1,5 +1,6 @@
 //! Hosts that drive a flight: headless, or in a window.
 
+pub(crate) mod folders;
 #[doc(hidden)]
 pub mod frames;
 pub mod headless;
@@ -8,6 +9,8 @@ pub(crate) mod log;
 pub mod plane;
 #[doc(hidden)]
 pub mod record;
+#[doc(hidden)]
+pub mod settings;
 #[doc(hidden)]
 pub mod terminal;
 #[cfg(feature = "window")]

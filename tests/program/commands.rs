@@ -7,7 +7,7 @@ use crate::support::program::colvis;
 use crate::support::run::run;
 
 /// Each command with its options. A `!` marks what is not built.
-const COMMANDS: [(&str, &str); 20] = [
+const COMMANDS: [(&str, &str); 21] = [
     ("", "--threads --wall --spacing --hu --series --allow-gaps --fov --camera --seed --cleanse"),
     (
         "fly",
@@ -21,6 +21,7 @@ const COMMANDS: [(&str, &str); 20] = [
     ("surface", "--mask --out --stats --from"),
     ("centerline", "--mask --out --method --from --to --stats"),
     ("phantom", "--out --truth --size --with --position --labels --twin --slice --noise"),
+    ("archive", "--patient --date --description --max --series --out"),
     ("info", ""),
     ("explain", "--json --guide --from --scene --coverage"),
     ("plane", "--headless --out"),
@@ -36,7 +37,8 @@ const COMMANDS: [(&str, &str); 20] = [
 ];
 
 /// Options with a fixed set of values. A `!` marks what is not built.
-const VALUES: [(&[&str], &str); 13] = [
+const VALUES: [(&[&str], &str); 14] = [
+    (&["archive"], "echo find get send"),
     (&["fly", "--guide"], "tentacles potential path manual"),
     (&["fly", "--quality"], "high low adaptive reference"),
     (&["fly", "--preset"], "default colvis lean"),

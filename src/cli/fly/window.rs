@@ -12,7 +12,7 @@ use super::files::read_commands;
 use super::{Screen, ask_plugins, leave, leave_unflown, overlays, request, say, scene, stats};
 use crate::app::{FlightApp, FlightRequest, Place, Scan, Scene, Timings};
 use crate::cli::Program;
-use crate::cli::args::{CaseArgs, FlyArgs, Global};
+use crate::cli::args::{CaseArgs, FlyArgs, Global, SeriesChoice};
 use crate::cli::case;
 use crate::cli::prepare;
 use crate::cli::values::Point;
@@ -47,7 +47,7 @@ pub(crate) fn fly(
         // The files that were asked for are those of the first scan that is flown.
         let is_first = !is_flying && !own_flown.get();
         let args = for_another(own_args.clone(), input, is_first);
-        let global = Global { series, ..own_global.clone() };
+        let global = Global { series: series.map(SeriesChoice::Number), ..own_global.clone() };
         let scene = super::scene(&own_program, &args, &global, Screen::Window)?;
         match is_first {
             true => opening(&own_program, &args, &global, scene, is_whole, &own_timings, Rc::clone(&own_flown)),
@@ -80,7 +80,7 @@ fn report(global: &Global) -> window::MakeReport {
     Arc::new(move |order: &ReportOrder, progress: &Arc<Progress>| {
         let ReportOrder { input, series, findings, out, for_archive } = order.clone();
         let args = CaseArgs { dicom: for_archive, identity: for_archive, ..CaseArgs::new(input, findings, out) };
-        case::run(&args, &Global { series, ..global.clone() }, progress)
+        case::run(&args, &Global { series: series.map(SeriesChoice::Number), ..global.clone() }, progress)
     })
 }
 
@@ -251,7 +251,7 @@ fn opening(
     });
     Ok(window::Opening {
         input: args.input.clone(),
-        series: global.series,
+        series: global.series_number(),
         prepare,
         finish,
         resume,

@@ -3,7 +3,7 @@
 
 use super::action::{Action, Actions};
 use super::intent::{FindingOf, Intent};
-use super::keys::{Chord, Hold, KeySettings};
+use super::keys::{Chord, Hold};
 use super::layouts::LAYOUTS;
 use super::own_action::ActionEntry;
 use super::panels::PanelEntry;
@@ -12,6 +12,7 @@ use crate::app::Overlay;
 use crate::app::catalog::taken;
 use crate::error::{Error, Result, program_name};
 use crate::fields::lumen::GasKind;
+use crate::host::settings::KeySettings;
 use crate::polyps::answers::Answer;
 use crate::schedule::Guides;
 

@@ -10,10 +10,10 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::folders;
 use super::session::ScanFiles;
 use crate::app::findings::{Findings, MOST_DISTANCES, NoScan, kinds};
 use crate::error::{Error, Result};
+use crate::host::folders;
 use crate::output;
 use crate::polyps::answers::{Answered, Answers};
 

@@ -1,6 +1,5 @@
 //! Keys as named in the tables of actions, and the keys currently held.
 
-use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
@@ -15,9 +14,6 @@ pub(crate) struct Chord {
     /// A lower-case character, or a name of [`NAMES`].
     key: String,
 }
-
-/// Keys by the actions' ids, as in a settings file.
-pub(crate) type KeySettings = BTreeMap<String, Vec<String>>;
 
 /// Keys other than characters, by their names in settings and help.
 const NAMES: [(&str, NamedKey); 21] = [

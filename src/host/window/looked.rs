@@ -9,12 +9,12 @@ use std::path::Path;
 use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
-use super::folders;
 use crate::app::FlightApp;
 use crate::components::still::{StillView, StillViews};
 use crate::components::trail::Trail;
 use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
+use crate::host::folders;
 use crate::render::camera::Perspective;
 use crate::volume::Volume;
 

@@ -17,7 +17,6 @@ mod field_job;
 mod figures;
 mod finding_tool;
 mod findings;
-mod folders;
 mod framebuffer;
 mod framing;
 mod intent;
@@ -54,7 +53,6 @@ mod screenshot;
 mod screenshot_renderer;
 mod seen;
 mod session;
-mod settings;
 mod sheet;
 mod shell;
 mod shown;
@@ -77,6 +75,7 @@ use std::time::Duration;
 use crate::app::{FlightApp, Overlay};
 use crate::error::{Error, Result};
 use crate::host::frames::FrameStats;
+use crate::host::settings::{self, KeySettings, Settings};
 use crate::panics;
 use crate::polyps::Detector;
 use crate::progress::Progress;
@@ -89,7 +88,6 @@ pub use assistant::Took as AssistantTook;
 pub use cleansing::Took as CleansingTook;
 #[doc(hidden)]
 pub use display::Display;
-use keys::KeySettings;
 #[doc(hidden)]
 pub use layouts::slices_of;
 pub use loading::{Prepare, Ready, SessionFile, Unflown};
@@ -101,7 +99,6 @@ use panels::{ActionEntry, PanelEntry};
 pub use present_timer::PresentMs;
 #[doc(hidden)]
 pub use reporting::{MakeReport, ReportOrder};
-use settings::Settings;
 use shell::{Shell, Wake};
 
 /// Returns all default keys of the window with their descriptions, in the order of its help. The user's settings file is not

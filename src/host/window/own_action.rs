@@ -129,13 +129,13 @@ mod tests {
 
     use super::*;
     use crate::components::input::{FlightCommand, HandCommand};
+    use crate::host::settings::KeySettings;
     use crate::host::window::action::{Actions, MENUS};
     use crate::host::window::background::Background;
     use crate::host::window::contract::WindowView;
     use crate::host::window::controller::FlightController;
     use crate::host::window::controller::tests::flight;
     use crate::host::window::intent::{ActionContext, SliceInput};
-    use crate::host::window::keys::KeySettings;
     use crate::render::ImageSize;
     use crate::schedule::Guides;
 

@@ -179,11 +179,11 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
+    use crate::host::settings::KeySettings;
     use crate::host::window::action::Actions;
     use crate::host::window::contract::WindowView;
     use crate::host::window::controller::tests::{controller, perform};
     use crate::host::window::intent::SliceInput;
-    use crate::host::window::keys::KeySettings;
 
     #[test]
     fn views_are_where_the_window_has_them_with_what_is_drawn_over_them_and_a_strip() {

@@ -7,8 +7,8 @@ use winit::dpi::{LogicalSize, PhysicalSize, Size};
 use winit::event_loop::ActiveEventLoop;
 use winit::window::{Window, WindowAttributes};
 
-use super::folders::{self, Folder};
 use crate::error::Result;
+use crate::host::folders::{self, Folder};
 use crate::render::ImageSize;
 
 /// Default size of a window on a screen of unknown size, points.

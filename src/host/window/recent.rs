@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::folders::{self, Folder};
 use crate::error::{Error, Result};
+use crate::host::folders::{self, Folder};
 
 /// The current version of the file format.
 const VERSION: u32 = 1;

@@ -10,11 +10,11 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::Resume;
-use super::folders::{self, Folder};
 use crate::app::FlightApp;
 use crate::components::flight::State;
 use crate::components::input::{FlightCommand, Hand, HandCommand};
 use crate::error::Result;
+use crate::host::folders::{self, Folder};
 use crate::math::hash;
 use crate::output;
 use crate::volume::{Volume, content_hash, content_origin};

@@ -151,8 +151,8 @@ pub(super) const US: [(KeyCode, char, char); 47] = [
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::host::settings::KeySettings;
     use crate::host::window::action::Actions;
-    use crate::host::window::keys::KeySettings;
     use crate::host::window::panels;
     use crate::systems::guides;
 

@@ -98,8 +98,8 @@ fn button(context: &Context<'_>, ui: &mut Ui, requests: &mut Requests, &(icon, n
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::host::settings::KeySettings;
     use crate::host::window::action::Actions;
-    use crate::host::window::keys::KeySettings;
 
     #[test]
     fn names_are_left_out_where_the_state_would_cover_them() {

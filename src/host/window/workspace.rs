@@ -11,12 +11,12 @@ use serde::{Deserialize, Serialize};
 
 use super::action::{MENUS, OWN};
 use super::contract::{Context, Panel, PanelEntry, Requests};
-use super::folders::{self, Folder};
 use super::intent::Intent;
 use super::layouts::{FIRST, LAYOUTS, LayoutEntry, linear};
 use super::style::{DISCLAIMER, SOFT, Severity};
 use super::toolbar;
 use crate::error::{Error, Result};
+use crate::host::folders::{self, Folder};
 use crate::output;
 use crate::panics;
 use crate::schedule::note;
@@ -557,12 +557,12 @@ fn reported(ui: &mut Ui, rect: egui::Rect, title: &str, why: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::host::settings::KeySettings;
     use crate::host::window::action::Actions;
     use crate::host::window::contract::WindowView;
     use crate::host::window::controller::FlightController;
     use crate::host::window::intent::{Intent, SliceInput};
     use crate::host::window::interface::{Interface, WindowSize};
-    use crate::host::window::keys::KeySettings;
     use crate::render::ImageSize;
 
     struct Nothing;

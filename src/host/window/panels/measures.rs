@@ -91,11 +91,11 @@ mod tests {
     use egui::{LayerId, RawInput, Rect, Shape, pos2, vec2};
 
     use super::*;
+    use crate::host::settings::KeySettings;
     use crate::host::window::action::Actions;
     use crate::host::window::contract::WindowView;
     use crate::host::window::controller::tests::{controller, perform};
     use crate::host::window::intent::SliceInput;
-    use crate::host::window::keys::KeySettings;
     use crate::host::window::overlay::HudState;
 
     #[test]

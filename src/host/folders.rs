@@ -1,11 +1,14 @@
-//! The platform's folders for files that the window keeps, and reading and writing of small files in them.
+//! The platform's folders for settings and for files that the window keeps, and reading and writing of small files in them.
 
 use std::path::{Path, PathBuf};
 
+#[cfg(feature = "window")]
 use serde::Serialize;
+#[cfg(feature = "window")]
 use serde::de::DeserializeOwned;
 
 use crate::error::{Error, Result};
+#[cfg(feature = "window")]
 use crate::output;
 
 /// Maximum size of the program's files, bytes.
@@ -17,6 +20,7 @@ pub(crate) enum Folder {
     /// Files that the user has written.
     Configuration,
     /// State that the program remembers.
+    #[cfg(any(feature = "window", test))]
     State,
 }
 
@@ -31,6 +35,7 @@ impl Folder {
         let absolute = |name: &str| variable(name).filter(|p| p.is_absolute());
         let (windows, xdg, home) = match self {
             Self::Configuration => ("APPDATA", "XDG_CONFIG_HOME", ".config"),
+            #[cfg(any(feature = "window", test))]
             Self::State => ("LOCALAPPDATA", "XDG_STATE_HOME", ".local/state"),
         };
         if cfg!(windows) {
@@ -58,6 +63,7 @@ pub(crate) fn read(path: &Path, hint: &str) -> Result<Option<Vec<u8>>> {
 }
 
 /// Data stored as JSON.
+#[cfg(feature = "window")]
 pub(crate) trait Kept: Serialize + DeserializeOwned {
     /// The current version of the format.
     const VERSION: u32;
@@ -70,6 +76,7 @@ pub(crate) trait Kept: Serialize + DeserializeOwned {
 ///
 /// # Errors
 /// Returns status 3 if it cannot be read, is damaged or has another version.
+#[cfg(feature = "window")]
 pub(crate) fn read_kept<T: Kept>(path: &Path, hint: &str) -> Result<Option<T>> {
     let Some(bytes) = read(path, hint)? else { return Ok(None) };
     let bad = |why: String| Error::file(path, why, hint);
@@ -85,6 +92,7 @@ pub(crate) fn read_kept<T: Kept>(path: &Path, hint: &str) -> Result<Option<T>> {
 ///
 /// # Errors
 /// Returns status 5 if it cannot be written. An existing file stays unchanged.
+#[cfg(feature = "window")]
 pub(crate) fn keep<T: Kept>(path: &Path, kept: &T) -> Result<()> {
     if let Some(folder) = path.parent() {
         output::make_folder(folder)?;

@@ -1,4 +1,4 @@
-//! The user's settings of the window: a small TOML file in the platform's folder for configuration.
+//! The user's settings: a small TOML file in the platform's folder for configuration.
 //!
 //! ```toml
 //! version = 1
@@ -7,16 +7,29 @@
 //! [keys]                       # an action's id, and its keys in the place of its own
 //! reverse = ["Z", "Ctrl+R"]
 //! light = []
+//!
+//! [archive.hospital]           # an archive, for `colvis archive`
+//! host = "127.0.0.1"
+//! port = 4242
+//! title = "ORTHANC"            # the archive's application entity title
+//! own_title = "COLVIS"         # ours (usual)
+//! connect_s = 10               # seconds to wait for a connection (usual)
+//! answer_s = 30                # seconds to wait for each answer (usual)
+//! [archive.hospital.tls]       # only if the archive wants encrypted connections
+//! ca = "ca.pem"                # the certificates that the archive's is checked against; relative to this file
+//! cert = "own.pem"             # ours, if the archive asks for one
+//! key = "own.key"
+//! name = "archive.local"       # the name in the archive's certificate, if it is not the host
 //! ```
 //!
 //! `colvis explain` prints the path of this file and the ids of all actions.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
 use super::folders::{self, Folder};
-use super::keys::KeySettings;
 use crate::error::{Error, Result};
 
 /// The current version of the file format.
@@ -24,26 +37,74 @@ const VERSION: u32 = 1;
 /// Hint for an invalid file.
 const HINT: &str = "fix it or move it away; until then the defaults apply";
 
+/// Keys by the actions' ids.
+#[cfg(feature = "window")]
+pub(crate) type KeySettings = BTreeMap<String, Vec<String>>;
+
 /// The user's settings.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct Settings {
+pub struct Settings {
     version: u32,
     /// Keys by actions.
     #[serde(default)]
-    pub keys: KeySettings,
+    pub keys: BTreeMap<String, Vec<String>>,
     /// How a scan opens.
     #[serde(default)]
     pub opens: Opens,
     /// The folder of screenshots.
     #[serde(default)]
     pub screenshots: Option<PathBuf>,
+    /// Archives by their names.
+    #[serde(default, rename = "archive")]
+    pub archives: BTreeMap<String, ArchiveSettings>,
+}
+
+/// An archive and how it is reached.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ArchiveSettings {
+    /// Its host, by name or address.
+    pub host: String,
+    /// Its port.
+    pub port: u16,
+    /// Its application entity title.
+    pub title: String,
+    /// Our application entity title, if it is not the usual one.
+    #[serde(default)]
+    pub own_title: Option<String>,
+    /// Limit for a connection, seconds, if it is not the usual one.
+    #[serde(default)]
+    pub connect_s: Option<f64>,
+    /// Limit for each answer, seconds, if it is not the usual one.
+    #[serde(default)]
+    pub answer_s: Option<f64>,
+    /// Encryption, if the archive wants it.
+    #[serde(default)]
+    pub tls: Option<TlsSettings>,
+}
+
+/// Encryption of the connection to an archive. Paths are relative to the settings file.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TlsSettings {
+    /// The certificates that the archive's is checked against.
+    pub ca: PathBuf,
+    /// Our certificate, if the archive asks for one.
+    #[serde(default)]
+    pub cert: Option<PathBuf>,
+    /// The key of our certificate.
+    #[serde(default)]
+    pub key: Option<PathBuf>,
+    /// The name in the archive's certificate, if it is not the host.
+    #[serde(default)]
+    pub name: Option<String>,
 }
 
 /// How a scan opens where the command line says nothing about it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub(crate) enum Opens {
+pub enum Opens {
     /// With a flight through the largest segment.
     #[default]
     Flight,
@@ -56,7 +117,7 @@ impl Settings {
     ///
     /// # Errors
     /// Returns status 3 if it cannot be read, is damaged or has another version. The file stays unchanged.
-    pub(crate) fn read(path: &Path) -> Result<Option<Self>> {
+    pub fn read(path: &Path) -> Result<Option<Self>> {
         let wrong = |why: String| Error::file(path, why, HINT);
         let Some(bytes) = folders::read(path, HINT)? else { return Ok(None) };
         let text = String::from_utf8(bytes).map_err(|e| wrong(e.to_string()))?;
@@ -73,17 +134,19 @@ impl Settings {
 }
 
 /// Returns the folder of screenshots that is set, if there is one. A damaged file has been told of where its keys were read.
+#[cfg(feature = "window")]
 pub(crate) fn screenshots() -> Option<PathBuf> {
     Settings::read(&file()?).ok()??.screenshots
 }
 
 /// Returns how a scan opens. A damaged file has been told of where its keys were read.
+#[cfg(feature = "window")]
 pub(crate) fn opens() -> Opens {
     file().and_then(|path| Settings::read(&path).ok()?).map_or(Opens::default(), |s| s.opens)
 }
 
 /// Returns the path of the settings file; `None` on a system that defines no folder for it.
-pub(crate) fn file() -> Option<PathBuf> {
+pub fn file() -> Option<PathBuf> {
     Folder::Configuration.file("settings.toml")
 }
 
@@ -104,7 +167,14 @@ mod tests {
         assert_eq!(Settings::read(&path).unwrap().unwrap().opens, Opens::Flight);
         std::fs::write(&path, "version = 1\nopens = \"whole\"\n").unwrap();
         assert_eq!(Settings::read(&path).unwrap().unwrap().opens, Opens::Whole);
+        let archive = "version = 1\n[archive.a]\nhost = \"h\"\nport = 104\ntitle = \"T\"\n";
+        std::fs::write(&path, format!("{archive}[archive.a.tls]\nca = \"ca.pem\"\n")).unwrap();
+        let read = Settings::read(&path).unwrap().unwrap();
+        assert_eq!((&*read.archives["a"].host, read.archives["a"].port), ("h", 104));
+        assert_eq!(read.archives["a"].tls.as_ref().unwrap().ca, PathBuf::from("ca.pem"));
         for (text, word) in [
+            (&*format!("{archive}password = \"x\""), "password"),
+            ("version = 1\n[archive.a]\nhost = \"h\"", "line 2"),
             ("version = 1\nopens = \"half\"", "line 2"),
             ("version = 2", "version 2"),
             ("", "version"),
