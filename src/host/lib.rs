@@ -7,6 +7,8 @@ pub mod host;
 mod shared;
 
 pub(crate) use colvis_app as app;
+#[cfg(feature = "dicom")]
+pub(crate) use colvis_dicom as dicom;
 #[cfg(feature = "window")]
 pub(crate) use colvis_flight::coverage;
 #[cfg(test)]

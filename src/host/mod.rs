@@ -1,5 +1,8 @@
 //! Hosts that drive a flight: headless, or in a window.
 
+#[cfg(feature = "dicom")]
+#[doc(hidden)]
+pub mod archives;
 pub(crate) mod folders;
 #[doc(hidden)]
 pub mod frames;

@@ -22,6 +22,7 @@ use crate::host::frames::FrameStats;
 use crate::host::window::{self, Asked, ReportOrder, Resume};
 use crate::polyps::detectors;
 use crate::progress::Progress;
+use crate::volume::io;
 
 /// Flies in a window.
 pub(crate) fn fly(
@@ -79,8 +80,13 @@ fn report(global: &Global) -> window::MakeReport {
     let global = global.clone();
     Arc::new(move |order: &ReportOrder, progress: &Arc<Progress>| {
         let ReportOrder { input, series, findings, out, for_archive } = order.clone();
+        let global = Global { series: series.map(SeriesChoice::Number), ..global.clone() };
+        if for_archive && io::identity(&input, &prepare::load_options(&global), progress)?.is_none() {
+            let why = "does not tell whose scan it is, so an archive could not file its report";
+            return Err(Error::file(&input, why, "send the report of a DICOM study"));
+        }
         let args = CaseArgs { dicom: for_archive, identity: for_archive, ..CaseArgs::new(input, findings, out) };
-        case::run(&args, &Global { series: series.map(SeriesChoice::Number), ..global.clone() }, progress)
+        case::run(&args, &global, progress)
     })
 }
 

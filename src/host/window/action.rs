@@ -74,7 +74,17 @@ pub(crate) const MENUS: &[(&str, &[&str])] = &[
     ("Slices", &["window-", "slab", "slab-kind", "slices-reset", "kinds", "kind-"]),
     (
         "Findings",
-        &["finding", "finding-outside", "panel-findings", "report", "undo", "measure", "delete-last", "measure-lesion"],
+        &[
+            "finding",
+            "finding-outside",
+            "panel-findings",
+            "report",
+            "report-send",
+            "undo",
+            "measure",
+            "delete-last",
+            "measure-lesion",
+        ],
     ),
     ("Candidates", &["panel-candidates", "candidate-"]),
     ("Panels", &["layout-", "panel-"]),

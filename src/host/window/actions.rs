@@ -125,6 +125,7 @@ fn table() -> Vec<Action> {
         action("measure-lesion", "measure a lesion with one click, stop measuring", "Ctrl+M", I::MeasureLesion),
         action("finding-outside", "mark a finding outside the colon, where you point", "Ctrl+P", I::Outside),
         action("report", "write the report of this reading", "Ctrl+X", I::Report),
+        action("report-send", "send the report of this reading to the archive", "", I::SendReport(0)),
         action("kinds", "kinds of gas in the slices", "Ctrl+K", I::Kinds),
         shared(KIND_ROW, "kind-colon", "this gas is colon", "Ctrl+L", I::Kind(Some(GasKind::Colon))),
         shared(KIND_ROW, "kind-small-bowel", "this gas is small bowel", "Ctrl+B", I::Kind(Some(GasKind::SmallBowel))),

@@ -56,6 +56,8 @@ use crate::components::input::{Command, FlightCommand, Hand, HandCommand};
 use crate::components::output::Picture;
 use crate::components::slices::Orientation;
 use crate::components::trail::Trail;
+#[cfg(feature = "dicom")]
+use crate::dicom::archive::Archive;
 use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
 use crate::host::frames::FrameStats;
@@ -241,6 +243,12 @@ impl FlightController {
     /// Sets of what reports are made.
     pub(crate) fn set_reported(&mut self, of: Option<Reported>) {
         self.reporting.set(of);
+    }
+
+    /// Sets where reports can be sent.
+    #[cfg(feature = "dicom")]
+    pub(crate) fn set_archives(&mut self, archives: Vec<Archive>) {
+        self.reporting.set_archives(archives);
     }
 
     /// Takes the actions of other crates.

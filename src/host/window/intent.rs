@@ -134,6 +134,8 @@ pub(crate) enum Intent {
     Quality,
     /// Write the report of this reading.
     Report,
+    /// Send the report of this reading to the archive with this number.
+    SendReport(usize),
     /// Stop making a report.
     CancelReport,
 

@@ -7,6 +7,8 @@ use std::time::Instant;
 use super::background::{Background, BackgroundTask};
 use super::screenshot;
 use crate::app::findings::Findings;
+#[cfg(feature = "dicom")]
+use crate::dicom::archive::Archive;
 use crate::error::{Error, Result};
 use crate::output;
 use crate::progress::Progress;
@@ -45,16 +47,48 @@ pub(crate) struct Reporting {
     task: BackgroundTask<String>,
     /// What has become of the last one.
     told: Option<String>,
+    /// Where reports can be sent.
+    #[cfg(feature = "dicom")]
+    archives: Vec<Archive>,
 }
 
 impl Reporting {
     pub(crate) fn new(now: Instant) -> Self {
-        Self { of: None, task: BackgroundTask::new(now), told: None }
+        Self {
+            of: None,
+            task: BackgroundTask::new(now),
+            told: None,
+            #[cfg(feature = "dicom")]
+            archives: Vec::new(),
+        }
     }
 
     /// Sets of what reports are made.
     pub(crate) fn set(&mut self, of: Option<Reported>) {
         self.of = of;
+    }
+
+    /// Sets where reports can be sent.
+    #[cfg(feature = "dicom")]
+    pub(crate) fn set_archives(&mut self, archives: Vec<Archive>) {
+        self.archives = archives;
+    }
+
+    /// Returns the names of the archives that reports can be sent to.
+    pub(crate) fn archives(&self) -> impl Iterator<Item = &str> {
+        #[cfg(feature = "dicom")]
+        let names = self.archives.iter().map(|a| a.name.as_str());
+        #[cfg(not(feature = "dicom"))]
+        let names = std::iter::empty();
+        names
+    }
+
+    /// Returns why no report can be sent to the archive with this number now; `None` if one can.
+    pub(crate) fn why_not_sent(&self, archive: usize) -> Option<&'static str> {
+        match self.archives().nth(archive) {
+            None => Some("the settings name no archive"),
+            Some(_) => self.why_not(),
+        }
     }
 
     /// Returns why no report can be made now; `None` if one can.
@@ -85,6 +119,27 @@ impl Reporting {
             found.write(&findings)?;
             make(&ReportOrder { input, series, findings, out: out.clone(), for_archive: false }, progress)?;
             Ok(format!("the report is {}", out.join("report.html").display()))
+        });
+        self.go_over(job, now);
+    }
+
+    /// Begins a report of these findings that is sent to the archive with this number.
+    #[cfg(feature = "dicom")]
+    pub(crate) fn send(&mut self, found: Findings, archive: usize, background: &Background, now: Instant) {
+        let (Some(of), Some(archive)) = (&self.of, self.archives.get(archive).cloned()) else { return };
+        let (make, input, series) = (Arc::clone(&of.make), of.input.clone(), of.series);
+        let job = background.start_apart("report", move |progress| {
+            let made = tempfile::tempdir().map_err(|e| output::cannot(&std::env::temp_dir(), e))?;
+            let (findings, out) = (made.path().join("findings.json"), made.path().join("report"));
+            found.write(&findings)?;
+            make(&ReportOrder { input, series, findings, out: out.clone(), for_archive: true }, progress)?;
+            let entries = std::fs::read_dir(&out).map_err(|e| output::cannot(&out, e))?;
+            let mut files: Vec<PathBuf> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
+            files.retain(|path| path.extension().is_some_and(|e| e == "dcm"));
+            files.sort();
+            let sent = archive.send(&files, progress)?;
+            sent.remarks.iter().for_each(|remark| output::to_stderr(format_args!("note: {remark}")));
+            Ok(format!("the report is in {}, as {} objects", archive.name, sent.stored))
         });
         self.go_over(job, now);
     }

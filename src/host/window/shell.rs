@@ -41,6 +41,8 @@ use super::{Asked, Launch, Opening, Resume};
 use crate::app::Overlay;
 use crate::components::slices::Orientation;
 use crate::error::{Error, Result};
+#[cfg(feature = "dicom")]
+use crate::host::archives;
 use crate::host::log::Log;
 use crate::host::settings;
 use crate::output;
@@ -300,6 +302,8 @@ impl Shell {
             FlightController::new(flight, self.background.clone(), overlays, Rc::clone(&self.actions))?;
         controller.set_own(Rc::clone(&self.own));
         controller.set_detector(self.detector);
+        #[cfg(feature = "dicom")]
+        controller.set_archives(archives::known_or_told());
         controller.set_reported(self.scan.input.clone().map(|input| Reported {
             make: Arc::clone(&self.report),
             input,

@@ -100,6 +100,7 @@ impl FlightController {
             I::DrawFindings => self.findings.order_missing(&self.document.found().findings),
             I::Quality => self.quality.want(),
             I::Report => self.write_report(now),
+            I::SendReport(archive) => self.send_report(archive, now),
             I::CancelReport => self.reporting.cancel(),
             I::Outside => self.mark_outside(now),
             I::EditOutside(n, category, text) => self.edit_outside(n, category, text, now),
@@ -163,6 +164,7 @@ impl FlightController {
             // A replayed log knows no tour.
             I::Review => self.may_fly_itself().and_then(|()| self.may_see_missed()),
             I::Report => self.reporting.why_not().map_or(Ok(()), |why| Err(why.into())),
+            I::SendReport(n) => self.reporting.why_not_sent(*n).map_or(Ok(()), |why| Err(why.into())),
             I::UndoAnswer if !self.document.may_undo_answers() => Err("no answer was changed".into()),
             I::Own(n) => self.own.why_not(*n, &self.flight).map_or(Ok(()), Err),
             _ => Ok(()),

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use super::FlightController;
 use super::saving::PATH_MESSAGE;
+use crate::app::findings::Findings;
 #[cfg(test)]
 use crate::app::findings::Quality;
 use crate::error::Result;
@@ -72,10 +73,27 @@ impl FlightController {
 
     /// Begins the report of this reading.
     pub(super) fn write_report(&mut self, now: Instant) {
-        let mut found = self.document.found().clone();
-        found.quality = self.quality.stored(&self.flight, &found.quality);
+        let found = self.found_now();
         self.reporting.write(found, self.screenshots.as_deref(), &self.background, now);
         self.say("making the report ...", now);
+    }
+
+    /// Begins the report of this reading that is sent to the archive with this number.
+    pub(super) fn send_report(&mut self, archive: usize, now: Instant) {
+        #[cfg(feature = "dicom")]
+        {
+            let found = self.found_now();
+            self.reporting.send(found, archive, &self.background, now);
+            self.say("making the report ...", now);
+        }
+        let _ = (archive, now);
+    }
+
+    /// Returns what is found until now.
+    fn found_now(&self) -> Findings {
+        let mut found = self.document.found().clone();
+        found.quality = self.quality.stored(&self.flight, &found.quality);
+        found
     }
 
     /// Tells of a report that is done.

@@ -50,6 +50,14 @@ impl Panel for FindingsPanel {
             context.button(ui, "Outside the colon", "finding-outside", requests);
             context.button(ui, "Undo", "undo", requests);
             context.button(ui, "Write the report", "report", requests);
+            for (n, name) in context.view.reporting().archives().enumerate() {
+                let (intent, button) = (Intent::SendReport(n), egui::Button::new(format!("Send it to {name}")));
+                let why_not = context.view.why_not(&intent);
+                let shown = ui.add_enabled(why_not.is_none(), button);
+                if shown.on_disabled_hover_text(why_not.unwrap_or_default()).clicked() {
+                    requests.ask(intent);
+                }
+            }
         });
         reporting(context, ui, requests);
         if found.findings.is_empty() && found.outside.is_empty() {

@@ -3,6 +3,8 @@
 //! A panel reads the flight through its [`Context`] and writes only through [`Requests`], which are executed after all panels are laid
 //! out.
 
+#[cfg(feature = "dicom")]
+mod archive;
 pub mod candidates;
 pub mod findings;
 pub mod flight;

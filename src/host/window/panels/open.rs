@@ -1,9 +1,11 @@
-//! Opens another scan: another series of the study, a recent one, or one from a folder.
+//! Opens another scan: another series of the study, one from an archive, a recent one, or one from a folder.
 
 use std::path::{Path, PathBuf};
 
 use egui::{Rect, RichText, ScrollArea, Ui};
 
+#[cfg(feature = "dicom")]
+use super::archive::ArchiveList;
 use super::series::SeriesList;
 use super::{Context, Panel, PanelEntry, Requests};
 use crate::host::window::intent::Intent;
@@ -68,13 +70,28 @@ pub struct FileList {
     listing: Option<Listing>,
     /// The series of the study that is open or that was to be opened.
     series: Option<SeriesList>,
+    /// The archives of the settings.
+    #[cfg(feature = "dicom")]
+    archive: ArchiveList,
 }
 
 impl FileList {
     /// Creates a list for a folder with a known listing.
     #[cfg(test)]
     pub fn of(folder: impl Into<PathBuf>, listing: Listing) -> Self {
-        Self { folder: Some(folder.into()), listing: Some(listing), series: None }
+        Self {
+            folder: Some(folder.into()),
+            listing: Some(listing),
+            series: None,
+            #[cfg(feature = "dicom")]
+            archive: ArchiveList::of(Vec::new()),
+        }
+    }
+
+    /// Adds what an archive has answered.
+    #[cfg(all(test, feature = "dicom"))]
+    pub(super) fn with_archive(self, archive: ArchiveList) -> Self {
+        Self { archive, ..self }
     }
 
     /// Adds the known series of a study.
@@ -126,6 +143,10 @@ impl FileList {
         });
         let listing = self.listing.get_or_insert_with(|| Listing::of(folder));
         let mut go = None;
+        #[cfg(feature = "dicom")]
+        if let Some(series) = self.archive.ui(ui) {
+            chosen = Some(series);
+        }
         if !recent.is_empty() {
             ui.label(RichText::new("Recent scans").color(SOFT));
         }

@@ -432,6 +432,40 @@ fn the_series_of_the_open_study_look_as_they_did() {
     hold("open-series", &picture);
 }
 
+#[cfg(feature = "dicom")]
+#[test]
+fn the_studies_of_an_archive_look_as_they_did() {
+    use super::archive::ArchiveList;
+    use crate::dicom::archive::{self, Archive, Found};
+    let series = |number: i64, description: &str, instances: u64| {
+        let mut series = archive::Series::default();
+        (series.number, series.instances) = (Some(number), Some(instances));
+        series.description = description.to_owned();
+        series
+    };
+    let study = |name: &str, id: &str, date: &str, list: Vec<archive::Series>| {
+        let mut study = archive::Study::default();
+        (study.patient_name, study.patient_id) = (name.to_owned(), id.to_owned());
+        (study.date, study.description, study.series) = (date.to_owned(), "CT colonography".to_owned(), list);
+        study
+    };
+    let mut found = Found::default();
+    found.has_more = true;
+    found.studies = vec![
+        study("Miller^Ann", "4711", "20260131", vec![series(2, "supine", 512), series(3, "prone", 498)]),
+        study("Millward^Bob", "4712", "20251203", vec![series(4, "", 430)]),
+    ];
+    let archives = vec![Archive::new("hospital", "127.0.0.1", 4242, "ORTHANC")];
+    let list = ArchiveList::of(archives).with_found("mill", found);
+    let mut panel = scans().with_archive(list);
+    let mut stage = Stage::new(ImageSize::new(440, 420), 1.0);
+    let picture = stage.picture(|context, ui, requests| {
+        let context = Context::new(context.view, context.actions, context.recent, context.hud);
+        Panel::ui(&mut panel, &context, ui, requests);
+    });
+    hold("open-archive", &picture);
+}
+
 /// An example listing of a folder.
 fn scans() -> FileList {
     let list = |names: &[&str]| names.iter().map(|n| Path::new("/scans").join(n)).collect();
