@@ -1,5 +1,7 @@
 //! The whole program: its command line, its reports, and its module dependencies.
 
+#[cfg(all(unix, feature = "dicom"))]
+mod archive;
 mod candidates;
 mod case;
 #[cfg(feature = "dicom")]
@@ -25,6 +27,8 @@ mod slice;
 
 #[path = "../support"]
 mod support {
+    #[cfg(all(unix, feature = "dicom"))]
+    pub(crate) mod archives;
     pub(crate) mod checks;
     #[cfg(feature = "dicom")]
     pub(crate) mod dicom;

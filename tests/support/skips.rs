@@ -3,7 +3,8 @@
 use std::io::Write as _;
 use std::panic::Location;
 
-/// Reports that the test is skipped because a `part` it needs is missing: `data`, `screen`, `film`, `judges`, `slicer` or `peers`.
+/// Reports that the test is skipped because a `part` it needs is missing: `data`, `screen`, `film`, `judges`, `slicer`, `archive` or
+/// `peers`.
 ///
 /// If the environment variable `COLVIS_SKIPS` is set, a line is appended to the file that it names. With
 /// `COLVIS_NO_SKIP` set, a skip is a failure: `all` of them, or with `all-but-data,peers` all except the named parts.
