@@ -3,53 +3,16 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use colvis::progress::Progress;
-use colvis::volume::Volume;
-use colvis::volume::io::{self, LoadOptions};
-use glam::DVec3;
-
 use crate::case::Read;
 use crate::support::checks::cases;
-use crate::support::dicom::Slice;
 use crate::support::run::run;
+use crate::support::scan_study::write_scan;
 use crate::support::skips::skip;
+use colvis::progress::Progress;
+use colvis::volume::io::{self, LoadOptions};
 
 /// What the headers of a study tell of the patient.
 const SECRETS: [&str; 6] = ["Featherstone", "Marjoribanks", "SECRET7", "19500102", "1950-01-02", "1.2.826.0.1.99"];
-const STUDY: &str = "1.2.826.0.1.99.1";
-
-/// Writes a scan as a DICOM study. `turned` reverses the scan's first and second axis, as for a prone patient or feet first.
-fn study(volume: &Volume, turned: [bool; 2], position: &'static str, folder: &Path) {
-    std::fs::create_dir(folder).unwrap();
-    let grid = volume.grid();
-    let ([nx, ny, nz], spacing) = (grid.dims(), grid.spacing());
-    let at = |n: usize, count: usize, turned: bool| if turned { count - 1 - n } else { n };
-    let sign = |turned: bool| if turned { -1.0 } else { 1.0 };
-    let (x, y) = (grid.direction().x_axis * sign(turned[0]), grid.direction().y_axis * sign(turned[1]));
-    for k in 0..nz {
-        let first = [at(0, nx, turned[0]), at(0, ny, turned[1]), k].map(|n| n as f64);
-        let pixel = |n: usize| {
-            let hu = volume.data()[grid.index(at(n % nx, nx, turned[0]), at(n / nx, ny, turned[1]), k)];
-            (hu + 1024).cast_unsigned()
-        };
-        let slice = Slice {
-            patient: ["Featherstone^Marjoribanks", "SECRET7"],
-            study: STUDY,
-            series: "1.2.826.0.1.99.2".to_owned(),
-            frame_of_reference: "1.2.826.0.1.99.3",
-            patient_position: position,
-            rows: ny as u16,
-            cols: nx as u16,
-            position: Some(grid.world(DVec3::from_array(first)).to_array()),
-            orientation: [x, y].map(|v| v.to_array()).as_flattened().try_into().unwrap(),
-            spacing: format!("{}\\{}", spacing.y, spacing.x),
-            pixels: (0..nx * ny).map(pixel).collect(),
-            ..Slice::at(0.0)
-        };
-        std::fs::write(folder.join(format!("{k:04}.dcm")), slice.bytes()).unwrap();
-    }
-}
-
 /// Runs a judge; `None` if it is not here.
 fn judge(program: &str, args: &[&str]) -> Option<Output> {
     match Command::new(program).args(args).output() {
@@ -116,7 +79,7 @@ fn a_dicom_study_becomes_objects_that_others_read_and_only_asked_for_says_whose_
     let positions = [("FFP", [false, true]), ("HFS", [false, false]), ("HFP", [true, true]), ("FFS", [true, false])];
     for (position, turned) in positions.into_iter().take(cases(4, 1)) {
         let (folder, report) = (case.path(position), case.path(&format!("{position}-report")));
-        study(&volume, turned, position, &folder);
+        write_scan(&volume, turned, position, &folder);
         let [study, out] = [&folder, &report].map(|p| p.to_str().unwrap());
         let args = ["case", study, "--findings", &findings, "--out", out, "--dicom"];
         run(&[&args[..], &["--identity"]].concat(), 0);

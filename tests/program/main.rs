@@ -36,6 +36,8 @@ mod support {
     pub(crate) mod phantom;
     pub(crate) mod program;
     pub(crate) mod run;
+    #[cfg(feature = "dicom")]
+    pub(crate) mod scan_study;
     pub(crate) mod scans;
     pub(crate) mod skips;
 }

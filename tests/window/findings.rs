@@ -92,7 +92,7 @@ fn kept(folder: &Path) -> Option<(PathBuf, Value)> {
 }
 
 /// Waits until the file holds what is `wanted`.
-fn kept_when(folder: &Path, what: &str, wanted: impl Fn(&Value) -> bool) -> (PathBuf, Value) {
+pub(crate) fn kept_when(folder: &Path, what: &str, wanted: impl Fn(&Value) -> bool) -> (PathBuf, Value) {
     let begun = Instant::now();
     loop {
         let kept = kept(folder);

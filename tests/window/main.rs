@@ -20,14 +20,23 @@ use support::program::colvis;
 use support::skips::skip;
 use support::xvfb;
 
+#[cfg(feature = "dicom")]
+mod archive;
 mod findings;
 
 #[path = "../support"]
 mod support {
+    #[cfg(feature = "dicom")]
+    #[expect(dead_code, reason = "the window needs one kind of archive")]
+    pub(crate) mod archives;
+    #[cfg(feature = "dicom")]
+    pub(crate) mod dicom;
     pub(crate) mod failed;
     pub(crate) mod logs;
     pub(crate) mod panels;
     pub(crate) mod program;
+    #[cfg(feature = "dicom")]
+    pub(crate) mod scan_study;
     pub(crate) mod skips;
     pub(crate) mod xvfb;
 }

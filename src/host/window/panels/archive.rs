@@ -261,10 +261,11 @@ fn list(found: &Found, ui: &mut Ui) -> Option<(usize, usize)> {
     }
     for (n, study) in found.studies.iter().enumerate() {
         ui.horizontal_wrapped(|ui| {
-            ui.label(day(&study.date));
-            ui.label(RichText::new(person(&study.patient_name)).strong());
-            ui.label(RichText::new(&study.patient_id).color(SOFT));
-            ui.label(&study.description);
+            let name = RichText::new(person(&study.patient_name)).strong();
+            let facts = [day(&study.date).into(), name, RichText::new(&study.patient_id).color(SOFT)];
+            for fact in facts.into_iter().chain([study.description.clone().into()]).filter(|f| !f.is_empty()) {
+                ui.label(fact);
+            }
         });
         for (k, series) in study.series.iter().enumerate() {
             let number = series.number.map_or_else(String::new, |n| format!("{n}  "));
