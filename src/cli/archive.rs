@@ -13,8 +13,6 @@ use crate::progress::Progress;
 
 /// Studies that are listed, if the command line says nothing about it.
 const MOST_STUDIES: usize = 500;
-/// A table of an archive, for an error.
-const EXAMPLE: &str = "version = 1, [archive.hospital], host = \"127.0.0.1\", port = 4242, title = \"ORTHANC\", each on a line of its own";
 
 /// Runs the command. Fails with status 2 if the arguments or the settings are invalid, 3 if the archive cannot be reached or refuses, 4
 /// if interrupted, 5 if a file cannot be sent or written.
@@ -96,7 +94,7 @@ fn only<'a>(names: &[PathBuf], known: &'a [Archive], file: &Path) -> Result<&'a 
     let all = known.iter().map(|a| a.name.as_str()).collect::<Vec<_>>().join(", ");
     let none = || {
         let what = format!("settings {}", file.display());
-        Error::usage(what, "name no archive", format!("write one into this file: {EXAMPLE}"))
+        Error::usage(what, "name no archive", "write one there; `archive --help` shows how".to_owned())
     };
     match (names, known) {
         (_, []) => Err(none()),

@@ -105,6 +105,7 @@ pub enum Command {
     /// Write the report of a reading, and its findings for other programs
     Case(CaseArgs),
     /// Ask an archive (PACS) for scans, fetch them, send files to it
+    #[command(after_help = ARCHIVE_SETTINGS)]
     Archive(ArchiveArgs),
     /// Write a synthetic colon and its ground truth
     Phantom(PhantomArgs),
@@ -441,6 +442,23 @@ impl CaseArgs {
         Some(PathBuf::from(&self.scheme)).filter(|_| !Scheme::is_built_in(&self.scheme))
     }
 }
+
+/// How the settings name an archive, for the help.
+const ARCHIVE_SETTINGS: &str = "\
+Archives in the settings file (colvis/settings.toml in the folder for configuration):
+  version = 1
+  [archive.hospital]
+  host = \"127.0.0.1\"
+  port = 4242
+  title = \"ORTHANC\"        its application entity title
+  own_title = \"COLVIS\"     ours; may be left out
+  connect_s = 10             seconds to wait for a connection; may be left out
+  answer_s = 30              seconds to wait for each answer; may be left out
+  [archive.hospital.tls]     only for encrypted connections; paths are relative to the file
+  ca = \"ca.pem\"            certificates that the archive's is checked against
+  cert = \"own.pem\"         our certificate, if the archive asks for one
+  key = \"own.key\"          its key
+  name = \"archive.local\"   the name in the archive's certificate, if it is not the host";
 
 /// `archive`'s arguments.
 #[derive(ClapArgs, Clone, Debug)]

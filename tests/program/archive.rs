@@ -220,7 +220,8 @@ fn written(folder: &Path) -> Vec<Written> {
 fn the_settings_name_the_archive_or_the_error_says_how() {
     let place = Place::new();
     let (_, said) = place.run(&["echo"], 2);
-    assert!(said.contains("settings.toml") && said.contains("[archive.hospital]"), "{said}");
+    assert!(said.contains("settings.toml") && said.contains("`archive --help` shows how"), "{said}");
+    assert!(place.run(&["--help"], 0).0.contains("[archive.hospital]"));
     place.settings(&[("one", 1, "A"), ("two", 1, "B")]);
     for (args, status, word) in [
         (&["echo"][..], 2, "name one of one, two"),
@@ -271,7 +272,7 @@ fn the_settings_name_the_archive_or_the_error_says_how() {
 }
 
 #[test]
-fn orthanc_is_asked_read_and_sent_to() {
+fn studies_are_found_in_orthanc_by_patient_date_and_description() {
     let Some(program) = archives::program("Orthanc") else { return };
     let place = Place::new();
     let running = archives::orthanc(&program, &place.folder("storage"), &json!({}));
@@ -309,6 +310,18 @@ fn orthanc_is_asked_read_and_sent_to() {
     }
     let (_, said) = place.run(&["find", "it", "--max", "1"], 0);
     assert!(said.contains("note: it has more studies"), "{said}");
+    place.run(&["send", "it", "first", "second/0.dcm"], 0);
+    assert_eq!(place.found(&["it"])[0], first, "sending again is safe");
+}
+
+#[test]
+fn a_series_is_fetched_from_orthanc_and_only_what_is_missing() {
+    let Some(program) = archives::program("Orthanc") else { return };
+    let place = Place::new();
+    let running = archives::orthanc(&program, &place.folder("storage"), &json!({}));
+    place.settings(&[("it", running.port, "ORTHANC")]);
+    FIRST.write(&place.folder("first"));
+    place.run(&["send", "it", "first"], 0);
     let get = ["get", "it", "--series", FIRST.series, "--out", "got/"];
     assert_eq!(place.run(&get, 0).0, "6 instances are in got/\n");
     let got = place.path("got");
@@ -330,8 +343,6 @@ fn orthanc_is_asked_read_and_sent_to() {
     assert_eq!(same, 4);
     let (_, said) = place.run(&["get", "it", "--series", "1.2.3", "--out", "none/"], 3);
     assert!(said.contains("has no series 1.2.3"), "{said}");
-    place.run(&["send", "it", "first", "second/0.dcm"], 0);
-    assert_eq!(place.found(&["it"])[0], first, "sending again is safe");
 }
 
 /// What stands between the program and an archive, and lets only so many bytes through.
@@ -473,11 +484,10 @@ fn an_interrupted_transfer_ends_with_its_own_status() {
 }
 
 #[test]
-fn dcmtk_is_asked_read_and_sent_to() {
-    let [Some(storescp), Some(dcmqrscp)] = ["storescp", "dcmqrscp"].map(archives::program) else { return };
+fn storescp_is_sent_to_in_the_form_that_it_takes() {
+    let Some(storescp) = archives::program("storescp") else { return };
     let place = Place::new();
     FIRST.write(&place.folder("first"));
-    SECOND.write(&place.folder("second"));
     // It takes one form only: the files are in the other.
     for (name, more) in [("as-sent", &["+xe"][..]), ("implicit", &["+xi"])] {
         let folder = place.folder(name);
@@ -491,6 +501,14 @@ fn dcmtk_is_asked_read_and_sent_to() {
         let (_, said) = place.run(&["find"], 3);
         assert!(said.contains("does not support C-FIND"), "{said}");
     }
+}
+
+#[test]
+fn dcmqrscp_is_asked_read_and_sent_to() {
+    let Some(dcmqrscp) = archives::program("dcmqrscp") else { return };
+    let place = Place::new();
+    FIRST.write(&place.folder("first"));
+    SECOND.write(&place.folder("second"));
     let running = archives::dcmqrscp(&dcmqrscp, &place.folder("qr"));
     place.settings(&[("qr", running.port, "QRSCP")]);
     place.run(&["send", "first", "second"], 0);

@@ -22,6 +22,8 @@ const MODEL: &str = uids::STUDY_ROOT_QUERY_RETRIEVE_INFORMATION_MODEL_GET;
 const BATCH: usize = 64;
 /// Largest instance, bytes.
 const MOST_BYTES: u64 = 8 << 30;
+/// Most messages one after the other that bring nothing that is missing.
+const MOST_IDLE: usize = 200_000;
 /// What a series may hold, where the archive does not tell it.
 const CLASSES: [&str; 5] = [
     uids::CT_IMAGE_STORAGE,
@@ -166,7 +168,13 @@ impl Getting<'_> {
         let id = exchange.next_id();
         exchange.send(&Command::new(Kind::Get, &context, id, true))?;
         exchange.send_data(context.id, &mut Keys::at_level(level, &keys).bytes().as_slice())?;
+        let (mut idle, mut missing) = (0, self.missing.len());
         loop {
+            idle = if self.missing.len() < missing { 0 } else { idle + 1 };
+            missing = self.missing.len();
+            if idle > MOST_IDLE {
+                return Err(exchange.association.garbled("nothing that was asked for"));
+            }
             let command = exchange.receive()?;
             if command.field() == Kind::Store as u16 {
                 self.store(exchange, &command)?;

@@ -16,6 +16,8 @@ use super::elements::{Elements, put_implicit, text};
 const MOST_COMMAND: usize = 64 << 10;
 /// Largest data set that is kept in memory, bytes: an answer to a question.
 const MOST_DATA: usize = 1 << 20;
+/// Most pieces one after the other that are empty.
+const MOST_EMPTY: usize = 1000;
 /// The value of CommandDataSetType without a data set.
 const NO_DATA: u16 = 0x0101;
 
@@ -173,12 +175,14 @@ pub(super) struct Exchange<'a> {
     pub association: Association<'a>,
     /// Values that have been received and not yet been used.
     waiting: VecDeque<PDataValue>,
+    /// Pieces that were empty, since one that was not.
+    empty: usize,
     last_id: u16,
 }
 
 impl<'a> Exchange<'a> {
     pub(super) fn new(association: Association<'a>) -> Self {
-        Self { association, waiting: VecDeque::new(), last_id: 0 }
+        Self { association, waiting: VecDeque::new(), empty: 0, last_id: 0 }
     }
 
     /// Returns the number of a new message.
@@ -234,9 +238,14 @@ impl<'a> Exchange<'a> {
     fn next_value(&mut self) -> Result<PDataValue> {
         loop {
             if let Some(value) = self.waiting.pop_front() {
+                self.empty = if value.data.is_empty() { self.empty + 1 } else { 0 };
                 return Ok(value);
             }
             self.waiting.extend(self.association.receive()?);
+            self.empty += usize::from(self.waiting.is_empty());
+            if self.empty > MOST_EMPTY {
+                return Err(self.association.garbled("nothing but empty pieces"));
+            }
         }
     }
 

@@ -280,6 +280,12 @@ fn silence_nonsense_and_endings_are_told() {
             asked.command.retain(|e| e.0 != tags::MESSAGE_ID);
             peer.answer(&asked, 0, None);
         }),
+        ("nothing but empty pieces", |mut peer| {
+            peer.accept();
+            peer.message();
+            // The other end hangs up first.
+            while peer.0.write_all(&b"\x04\0\0\0\0\0\x04\0\0\0\0\x06\0\0\0\x02\x01\x01".repeat(100)).is_ok() {}
+        }),
     ] {
         let said = told(work);
         assert!(said.contains(word), "{said}");
