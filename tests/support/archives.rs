@@ -49,7 +49,10 @@ fn started(mut command: impl FnMut(u16) -> Command) -> Running {
     // Another program may take the port in between.
     for _ in 0..5 {
         let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        let child = command(port).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        // DCMTK, also within Orthanc, otherwise waits 40 ms before it sends the rest of a message.
+        let mut command = command(port);
+        command.env("TCP_NODELAY", "1");
+        let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
         let mut running = Running { port, child };
         let start = Instant::now();
         while start.elapsed() < Duration::from_secs(20) && running.child.try_wait().unwrap().is_none() {
