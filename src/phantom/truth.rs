@@ -55,7 +55,8 @@ pub struct Truth {
 pub struct TruePolyp {
     /// Centre of the head, world mm LPS. A flat polyp's is above the centre of its base by half its height.
     pub position: DVec3,
-    /// Largest diameter of the head without a stalk, mm; of a flat polyp, the largest width of its base.
+    /// Largest diameter of the head without a stalk, mm; of a flat polyp, the largest width of its base. It is that of the surface at the
+    /// wall's value: the tissue ends 0.42 times the blur within it, on each side.
     pub diameter_mm: f64,
     /// Shape.
     #[serde(default)]

@@ -5,6 +5,7 @@ use glam::DVec3;
 use super::Wall;
 use super::base::{Base, Scratch};
 use super::caps::Cap;
+use super::edge::Edge;
 use super::fit::Ellipsoid;
 use crate::math::sphere::directions;
 use crate::space::ray::trilinear;
@@ -28,7 +29,7 @@ pub struct Lesion {
     pub position: DVec3,
     /// Unit vector from the wall into the lumen.
     pub axis: DVec3,
-    /// Largest diameter without a stalk, mm, and its two ends.
+    /// Largest diameter without a stalk, mm: of the tissue, whose edge is half-way between gas and tissue. The wall lies outside of it.
     pub diameter_mm: f64,
     /// Ends of that diameter.
     pub ends: [DVec3; 2],
@@ -109,7 +110,8 @@ impl Lesion {
         let extent = farthest(&all).map_or(0.0, |f| f.0);
         let overlap = overlap(wall, cap, &shape);
         let found = widest(&shape, &base, lowest(wall, cap, base.axis) - EMERGES_MM)?;
-        let (diameter_mm, ends) = bounded(found, extent, overlap);
+        // Features are those of the surface; what is told of the lesion is that of its tissue.
+        let (surface_mm, surface_ends) = bounded(found, extent, overlap);
         let top = |v: &u32| base.height(wall.place(*v).as_dvec3());
         let highest = base.body.iter().copied().max_by(|a, b| top(a).total_cmp(&top(b)).then(b.cmp(a)))?;
         let height_mm = top(&highest);
@@ -128,9 +130,9 @@ impl Lesion {
             shape.radius(),
             shape.rms,
             long / short.max(1e-9),
-            height_mm / diameter_mm.max(1e-9),
+            height_mm / surface_mm.max(1e-9),
             height_mm,
-            diameter_mm,
+            surface_mm,
             volume_mm3,
             f64::from(base.stalk_mm),
             base.rms,
@@ -145,6 +147,10 @@ impl Lesion {
             f64::from(base.fold_mm),
             extent,
         ];
+        let edge = Edge::of(wall, &head, volume, hu.mean, hu.max);
+        let diameter_mm = edge.map_or(surface_mm, |edge| edge.diameter(surface_mm));
+        let middle = 0.5 * (surface_ends[0] + surface_ends[1]);
+        let ends = surface_ends.map(|e| middle + (e - middle) * (diameter_mm / surface_mm.max(1e-9)));
         let position = wall.world(highest);
         let out = Self {
             position,

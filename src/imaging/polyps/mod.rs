@@ -8,6 +8,7 @@ pub mod answers;
 pub(crate) mod base;
 mod caps;
 pub mod detectors;
+mod edge;
 mod fit;
 mod flow;
 mod lesion;

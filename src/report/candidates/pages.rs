@@ -290,7 +290,11 @@ fn findings(all: &[Measured]) -> Vec<String> {
         let size = if diameter.is_empty() {
             String::new()
         } else {
-            format!(" Their diameters: bias {:.2} mm, SD {:.2} mm.", mean(&diameter), deviation(&diameter))
+            format!(
+                " Their diameters, of the tissue, against those of the phantoms' surface, which lies 0.42 times the blur outside: bias {:.2} mm, SD {:.2} mm.",
+                mean(&diameter),
+                deviation(&diameter)
+            )
         };
         format!(
             "{}: {} of {} sessile and stalked polyps of 6 mm or more ({:.1} %; {low:.1} to {high:.1}) at {:.2} false positives a scan, in \
