@@ -421,7 +421,7 @@ pub struct CaseArgs {
     /// Write DICOM objects, too: report.dcm (structured report), segments.dcm, capture-NN.dcm
     #[arg(long)]
     pub dicom: bool,
-    /// Tell whose scan it is: name, number and study of a DICOM input, in the page and in DICOM objects
+    /// Write name, number and study of the patient of a DICOM input into the page and the DICOM objects
     #[arg(long)]
     pub identity: bool,
     /// Write times, quality by segment and the category as JSON

@@ -4,3 +4,6 @@
 
 pub mod archive;
 pub mod objects;
+mod text;
+
+pub use text::is_uid;

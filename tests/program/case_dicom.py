@@ -67,7 +67,7 @@ for group, finding in zip(groups, findings):
     images = [i.ReferencedSOPSequence[0].ReferencedSOPInstanceUID for i in walk(group[0]) if i.ValueType == "IMAGE"]
     assert sum(uid in captures for uid in images) == 1
     sources = [s for s in slices if s.SOPInstanceUID in images]
-    assert len(sources) == (identity and finding.get("ends") is not None)
+    assert len(sources) == identity
     for s in sources:
         normal = np.cross(s.ImageOrientationPatient[:3], s.ImageOrientationPatient[3:])
         assert abs(np.dot(np.subtract(s.ImagePositionPatient, finding["place"]), normal)) < 2.0

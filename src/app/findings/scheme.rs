@@ -133,7 +133,7 @@ impl Scheme {
     /// Returns the category of what a reader has found.
     pub fn draft(&self, findings: &[Finding], quality: &[Quality]) -> Draft {
         let is_polyp = |f: &&Finding| f.tissue != Some(Tissue::Fat);
-        let unmeasured = findings.iter().filter(is_polyp).filter(|f| f.diameter_mm.is_none() && f.note.is_empty());
+        let unmeasured = findings.iter().filter(is_polyp).filter(|f| f.diameter_mm.is_none());
         let unmeasured = unmeasured.map(|f| f.id.clone()).collect();
         for rule in &self.rules {
             if let Some(because) = rule.met_by(findings, quality) {

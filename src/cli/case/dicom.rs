@@ -1,21 +1,21 @@
 //! The report, the segments and the pictures of findings as DICOM objects.
 
+use std::fmt::Write as _;
 use std::path::Path;
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::UNIX_EPOCH;
 
 use glam::DVec3;
-use serde_json::json;
 
 use super::Case;
 use super::outputs::Outputs;
 use super::segments::Segments;
-use crate::app::findings::{Finding, Morphology, Outside, Tissue};
+use crate::app::findings::{Finding, FindingPicture, Morphology, Outside, Tissue};
 use crate::dicom::objects::{
     Capture, Code, Content, ImageReference, Node, Report, Segment, SegmentVoxels, Segmentation, Study, uid,
 };
 use crate::error::Result;
-use crate::volume::Volume;
 use crate::volume::io::identity::Identity;
+use crate::volume::{Grid, Volume};
 
 /// Numbers of the series, above those that scanners give.
 const NUMBERS: [u32; 3] = [9501, 9502, 9503];
@@ -74,39 +74,24 @@ fn kind(finding: &Finding) -> Code {
     }
 }
 
-/// Returns whose the objects are: those of `identity`, or nobody's. `findings` is the file of the reading.
+/// Returns the study that the objects belong to: that of `identity`, or an anonymous one. `findings` is the file of the reading, which
+/// tells when it was read.
 pub(super) fn study(identity: Option<&Identity>, scan: &str, findings: &Path) -> Study {
-    let Some(identity) = identity else { return Study::nobodys(scan) };
+    let Some(identity) = identity else { return Study::anonymous(scan) };
     let modified = std::fs::metadata(findings).and_then(|m| m.modified()).unwrap_or(UNIX_EPOCH);
-    Study::of(identity, scan, date(modified))
-}
-
-/// Returns day and time in UTC as `YYYYMMDD` and `HHMMSS` (days to dates: Hinnant, *chrono-Compatible Low-Level Date Algorithms*).
-fn date(time: SystemTime) -> [String; 2] {
-    let seconds = time.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs());
-    let (days, seconds) = (seconds / 86400, seconds % 86400);
-    let days = days + 719_468;
-    let (era, of_era) = (days / 146_097, days % 146_097);
-    let year_of_era = (of_era - of_era / 1460 + of_era / 36524 - of_era / 146_096) / 365;
-    let of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let from_march = (5 * of_year + 2) / 153;
-    let day = of_year - (153 * from_march + 2) / 5 + 1;
-    let month = if from_march < 10 { from_march + 3 } else { from_march - 9 };
-    let year = 400 * era + year_of_era + u64::from(month <= 2);
-    [
-        format!("{year:04}{month:02}{day:02}"),
-        format!("{:02}{:02}{:02}", seconds / 3600, seconds / 60 % 60, seconds % 60),
-    ]
+    Study::of(identity, scan, modified.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()))
 }
 
 /// Adds the objects to the report's files. Fails with status 5 if one cannot be written.
 pub(super) fn write(case: &Case, segments: &Segments, outputs: &mut Outputs<'_>) -> Result<()> {
     let study = &case.study;
-    // Objects of another reading of the same scan are others.
-    let reading = json!([case.findings.json(), case.scheme.name, study.study]).to_string();
-    let ids = Ids { study, reading };
+    // Objects of which anything differs are others.
+    let findings = case.findings.json().to_string();
+    let reading = format!("{findings} {} {study:?} {}", case.scheme.name, env!("CARGO_PKG_VERSION"));
+    let ids = Ids { study, reading, scan: &case.findings.scan, grid: segments.grid() };
     for (n, (finding, pictures)) in case.findings.findings.iter().zip(&case.pictures).enumerate() {
         let Some(first) = pictures.first() else { continue };
+        let marked: Vec<(&str, Vec<[u8; 3]>)> = pictures.iter().map(|p| (p.name, with_ends(p))).collect();
         let capture = Capture {
             study,
             instance: ids.capture(n),
@@ -114,9 +99,9 @@ pub(super) fn write(case: &Case, segments: &Segments, outputs: &mut Outputs<'_>)
             series_number: NUMBERS[2],
             number: n + 1,
             description: "colvis pictures of findings, research use only",
-            comment: format!("Finding {}. {CAUTION}", finding.id),
+            comment: format!("Finding {}. Crosses mark the ends of its diameter. {CAUTION}", finding.id),
             size: [first.side; 2],
-            frames: pictures.iter().map(|p| (p.name, &p.rgb[..])).collect(),
+            frames: marked.iter().map(|(name, rgb)| (*name, &rgb[..])).collect(),
         };
         outputs.add(&format!("capture-{:02}.dcm", n + 1), |w| capture.write(w))?;
     }
@@ -148,7 +133,10 @@ pub(super) fn write(case: &Case, segments: &Segments, outputs: &mut Outputs<'_>)
 /// The UIDs of a reading's objects.
 struct Ids<'a> {
     study: &'a Study,
+    /// All that they say.
     reading: String,
+    scan: &'a str,
+    grid: &'a Grid,
 }
 
 impl Ids<'_> {
@@ -160,9 +148,9 @@ impl Ids<'_> {
         uid(&["capture", &self.reading, &n.to_string()])
     }
 
-    /// Returns the UID under which a finding is tracked: the same in every report of the scan.
-    fn tracking(&self, what: &str, id: &str) -> String {
-        uid(&["tracking", &self.study.frame_of_reference, what, id])
+    /// Returns the UID under which what is at a place is tracked: the same in every report of the scan.
+    fn tracking(&self, what: &str, place: DVec3) -> String {
+        uid(&["tracking", self.scan, what, &format!("{place:?}")])
     }
 }
 
@@ -185,7 +173,7 @@ fn all_segments(case: &Case, segments: &Segments, ids: &Ids<'_>) -> Vec<Segment>
             category: LESION,
             kind: kind(f),
             colour: COLOUR,
-            tracking: Some([format!("finding {}", f.id), ids.tracking("finding", &f.id)]),
+            tracking: Some([format!("finding {}", f.id), ids.tracking(&f.id, f.place)]),
             voxels: SegmentVoxels::These(voxels),
         })
     };
@@ -241,8 +229,12 @@ fn root(case: &Case, ids: &Ids<'_>) -> Node {
     let measurements = Node::new(Code::new("126010", "DCM", "Imaging Measurements"), Content::Container(None))
         .with(own.chain(outside));
     let draft = case.scheme.draft(&case.findings.findings, &case.findings.quality);
-    let words = format!("{} (draft, {}): {}. {}", draft.category, case.scheme.title, draft.because, draft.advice);
-    let code = assessment(&case.scheme.name, &draft.category);
+    let mut words = format!("{} (draft, {}): {}. {}", draft.category, case.scheme.title, draft.because, draft.advice);
+    if !draft.unmeasured.is_empty() {
+        let _ = write!(words, " Not counted, because without a diameter: {}.", draft.unmeasured.join(", "));
+    }
+    // A code would be taken for the last word.
+    let code = assessment(&case.scheme.name, &draft.category).filter(|_| draft.unmeasured.is_empty());
     let code = code.map(|c| Node::new(Code::new("111005", "DCM", "Assessment Category"), Content::Code(c)));
     let beside = case.scheme.outside(&case.findings.outside);
     let beside = beside.map(|c| text(COMMENT, &format!("Outside the colon: {}, {}, as entered", c.name, c.says)));
@@ -276,14 +268,11 @@ fn group(n: usize, f: &Finding, ids: &Ids<'_>) -> Node {
         Node::new(Code::new("363698007", "SCT", "Finding Site"), Content::Code(site(f.segment.as_deref())))
             .as_("HAS CONCEPT MOD");
     let number = |code, value: Option<f64>, unit| value.map(|v| Node::new(code, Content::Number(v, unit)));
-    let source = source(f.place, ids).map(|image| {
-        Node::new(Code::new("121112", "DCM", "Source of Measurement"), Content::Image(image)).as_("INFERRED FROM")
-    });
     let ends = f
         .ends
         .map(|ends| Node::new(Code::new("121055", "DCM", "Path"), Content::Points(ends.to_vec())).as_("INFERRED FROM"));
     let largest = number(Code::new("373197004", "SCT", "Polyp size, largest dimension"), f.diameter_mm, MM);
-    let largest = largest.map(|node| node.with(ends).with(source));
+    let largest = largest.map(|node| node.with(ends));
     let numbers = [
         largest,
         number(Code::new("121207", "DCM", "Height"), f.height_mm, MM),
@@ -314,44 +303,51 @@ fn group(n: usize, f: &Finding, ids: &Ids<'_>) -> Node {
         frames: Vec::new(),
     };
     let pictures = Node::new(Code::new("121200", "DCM", "Illustration of ROI"), Content::Image(pictures));
-    begun([format!("finding {}", f.id), ids.tracking("finding", &f.id)], kind(f), f.place)
+    begun([format!("finding {}", f.id), ids.tracking(&f.id, f.place)], kind(f), f.place)
         .with([finding_site])
         .with(numbers.into_iter().flatten())
         .with(form.into_iter().chain(tissue).chain(note))
         .with([pictures])
+        .with(source(f.place, ids))
 }
 
 /// Returns the measurement group of a finding outside the colon.
 fn outside(n: usize, o: &Outside, ids: &Ids<'_>) -> Node {
-    let name = format!("outside {}", n + 1);
-    let uid = ids.tracking("outside", &name);
     let words = [&o.category[..], &o.text].map(str::trim).into_iter().filter(|w| !w.is_empty()).collect::<Vec<_>>();
-    begun([name, uid], Code::new("404684003", "SCT", "Clinical finding"), o.place)
-        .with([Node::new(COMMENT, Content::Text(format!("outside the colon: {}", words.join(", "))))])
+    let words = if words.is_empty() { String::new() } else { format!(": {}", words.join(", ")) };
+    let tracking = [format!("outside {}", n + 1), ids.tracking("outside", o.place)];
+    begun(tracking, Code::new("404684003", "SCT", "Clinical finding"), o.place)
+        .with([Node::new(COMMENT, Content::Text(format!("outside the colon{words}")))])
+        .with(source(o.place, ids))
 }
 
-/// Returns the slice of the scan nearest to a place; `None` if it may not be told.
-fn source(place: DVec3, ids: &Ids<'_>) -> Option<ImageReference> {
-    let study = ids.study;
-    let series = study.series.clone()?;
-    let images = study.images.iter().filter_map(|image| Some((image.position?, image)));
-    // Slices lie across the line through their first pixels, or nearly so.
-    let line = {
-        let mut positions = images.clone().map(|i| i.0);
-        let first = positions.next()?;
-        let far = positions.max_by(|a, b| a.distance(first).total_cmp(&b.distance(first)))?;
-        (far - first).try_normalize()?
-    };
-    let (_, image) = images.min_by(|a, b| {
-        let off = |at: DVec3| (at - place).dot(line).abs();
-        off(a.0).total_cmp(&off(b.0))
-    })?;
-    Some(ImageReference {
-        series,
-        class: image.class.clone(),
-        instance: image.instance.clone(),
-        frames: image.frame.into_iter().collect(),
-    })
+/// Returns the slice of the scan at a place; `None` if it may not be told.
+fn source(place: DVec3, ids: &Ids<'_>) -> Option<Node> {
+    let series = ids.study.series.clone()?;
+    let normal = ids.grid.direction().x_axis.cross(ids.grid.direction().y_axis).normalize_or_zero();
+    let image = ids.study.nearest(place, normal, ids.grid.spacing().max_element())?;
+    let (class, instance) = (image.class.clone(), image.instance.clone());
+    let image = ImageReference { series, class, instance, frames: image.frame.into_iter().collect() };
+    Some(Node::new(Code::new("260753009", "SCT", "Source"), Content::Image(image)))
+}
+
+/// Returns a picture with a cross at each end of the diameter, as the page has them.
+fn with_ends(picture: &FindingPicture) -> Vec<[u8; 3]> {
+    let mut rgb = picture.rgb.clone();
+    let side = picture.side as i64;
+    // Dark around bright, so that it shows on everything.
+    for (reach, width, colour) in [(6_i64, 1_i64, [0; 3]), (5, 0, COLOUR)] {
+        for [x, y] in picture.ends.into_iter().flatten().map(|end| end.map(|x| x.round() as i64)) {
+            for (along, beside) in (-reach..=reach).flat_map(|a| (-width..=width).map(move |b| (a, b))) {
+                for (px, py) in [(x + along, y + beside), (x + beside, y + along)] {
+                    if (0..side).contains(&px) && (0..side).contains(&py) {
+                        rgb[(py * side + px) as usize] = colour;
+                    }
+                }
+            }
+        }
+    }
+    rgb
 }
 
 /// Refuses what cannot be a DICOM image. Fails with status 3.
@@ -367,19 +363,6 @@ pub(super) fn check(volume: &Volume, input: &Path) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::time::Duration;
-
-    #[test]
-    fn dates_are_those_of_the_calendar() {
-        for (seconds, date, time) in [
-            (0, "19700101", "000000"),
-            (951_782_400, "20000229", "000000"),
-            (1_709_251_199, "20240229", "235959"),
-            (4_102_444_800, "21000101", "000000"),
-        ] {
-            assert_eq!(super::date(UNIX_EPOCH + Duration::from_secs(seconds)), [date, time]);
-        }
-    }
 
     #[test]
     fn categories_have_their_codes_and_those_of_other_schemes_none() {

@@ -35,7 +35,7 @@ use crate::output;
 use crate::polyps::RESTORED_HU;
 use crate::progress::Progress;
 use crate::render::Preset;
-use crate::space::PreparedVolume;
+use crate::space::{PreparedVolume, TransferFunction};
 #[cfg(feature = "dicom")]
 use crate::volume::io;
 use crate::volume::{Volume, content_hash, content_origin};
@@ -82,7 +82,41 @@ pub(crate) fn run(args: &CaseArgs, global: &Global, progress: &Progress) -> Resu
     let scheme = Scheme::named(&args.scheme)?;
     let findings = Findings::read(&args.findings, NoScan::Refused, HINT)?;
     let transfer = prepare::transfer(global)?;
+    check_names(args)?;
+    let had_folder = args.out.exists();
     output::make_folder(&args.out)?;
+    let reported = report(args, global, &scheme, findings, transfer, progress);
+    if reported.is_err() && !had_folder {
+        // Only if nothing is in it.
+        let _ = std::fs::remove_dir(&args.out);
+    }
+    reported
+}
+
+/// Refuses an input or a file of stats that has the name and the place of one of the report's. Fails with status 2.
+fn check_names(args: &CaseArgs) -> Result<()> {
+    let folder = std::fs::canonicalize(&args.out).ok();
+    for path in std::iter::once(&args.input).chain(&args.stats) {
+        let own = path.parent().map(|p| if p.as_os_str().is_empty() { Path::new(".") } else { p });
+        let is_there = folder.is_some() && own.and_then(|p| std::fs::canonicalize(p).ok()) == folder;
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if is_there && outputs::is_of_report(&name) {
+            let why = "has the name of a file of the report, in its folder";
+            return Err(Error::usage(path.display().to_string(), why, "give another --out"));
+        }
+    }
+    Ok(())
+}
+
+/// Makes the report. Its folder exists.
+fn report(
+    args: &CaseArgs,
+    global: &Global,
+    scheme: &Scheme,
+    findings: Findings,
+    transfer: TransferFunction,
+    progress: &Progress,
+) -> Result<()> {
     let stats: Vec<&Path> = args.stats.iter().map(std::path::PathBuf::as_path).collect();
     output::check_folders(&stats)?;
     let mut timings = Timings::default();
@@ -107,6 +141,7 @@ pub(crate) fn run(args: &CaseArgs, global: &Global, progress: &Progress) -> Resu
         dicom::study(identity.as_ref(), &hash, &args.findings)
     };
     let mut findings = findings.moved_to(content_origin(scanned.grid()));
+    check_places(&findings, &scanned)?;
     let found = prepare::lumen(&scanned, &mut timings, progress)?;
     if found.segments.is_empty() {
         return Err(prepare::no_lumen(&scanned, &found, "report it by hand: there is nothing to show"));
@@ -136,7 +171,7 @@ pub(crate) fn run(args: &CaseArgs, global: &Global, progress: &Progress) -> Resu
         findings,
         pictures,
         quality,
-        scheme,
+        scheme: scheme.clone(),
         along,
         map,
         #[cfg(feature = "dicom")]
@@ -188,6 +223,17 @@ fn write(
     outputs.add("report.html", |w| w.write_all(page.as_bytes()))
 }
 
+/// Refuses findings that lie outside the scan. Fails with status 3.
+fn check_places(findings: &Findings, scan: &Volume) -> Result<()> {
+    let own = findings.findings.iter().map(|f| (format!("finding {}", f.id), f.place));
+    let outside = findings.outside.iter().zip(1..).map(|(o, n)| (format!("finding {n} outside the colon"), o.place));
+    let lost = own.chain(outside).find(|(_, place)| !scan.grid().contains(*place));
+    lost.map_or(Ok(()), |(name, _)| {
+        let why = format!("{name} lies outside the scan");
+        Err(Error::input("findings", why, "give the findings of this scan"))
+    })
+}
+
 /// Returns the quality of each segment, with coverage and times of the reading.
 fn judged(
     volume: &Volume,
@@ -216,10 +262,6 @@ fn complete(
     progress: &Progress,
 ) -> Result<()> {
     let volume = shown.voxels();
-    if !volume.grid().contains(finding.place) {
-        let why = format!("finding {} lies outside the scan", finding.id);
-        return Err(Error::input("findings", why, "give the findings of this scan"));
-    }
     if finding.ends.is_none() && finding.diameter_mm.is_none() {
         let is_restored = |at| {
             let grid = volume.grid();

@@ -54,11 +54,11 @@ pub(super) fn html(case: &Case) -> Result<String> {
     Ok(out)
 }
 
-/// Returns whose scan it is, in words; `None` if that is not known or may not be told.
+/// Returns patient and study in words; `None` if they are not known or must not be written.
 #[cfg(feature = "dicom")]
 fn whose(case: &Case) -> Option<String> {
     use crate::volume::io::identity as tags;
-    let study = Some(&case.study).filter(|study| !study.is_nobodys())?;
+    let study = Some(&case.study).filter(|study| !study.is_anonymous())?;
     let of = |tag| study.text(tag).filter(|text| !text.is_empty());
     // The first of a name's forms, in other letters, and its parts.
     let name = of(tags::PATIENT_NAME).and_then(|name| {

@@ -110,12 +110,6 @@ pub(super) fn text(value: &[u8]) -> String {
     String::from_utf8_lossy(value).trim_matches(|c: char| c == '\0' || c.is_whitespace()).to_owned()
 }
 
-/// True for a unique identifier: numbers with dots between them, 64 characters at most. It is a safe name of a file.
-pub(super) fn is_uid(text: &str) -> bool {
-    let is_number = |part: &str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit());
-    text.len() <= 64 && text.split('.').all(is_number)
-}
-
 /// Writes an element without its representation. A value of odd length is padded.
 pub(super) fn put_implicit(out: &mut Vec<u8>, tag: Tag, value: &[u8], pad: u8) {
     out.extend(tag.0.to_le_bytes());
@@ -161,23 +155,5 @@ mod tests {
         }
         let deep = b"\x10\0\x10\0\xff\xff\xff\xff".repeat(100_000);
         assert!(!Elements::implicit(&deep).are_whole());
-    }
-
-    #[test]
-    fn an_identifier_is_never_a_path() {
-        for (uid, good) in [
-            ("1.2.840.10008.1.1", true),
-            ("7", true),
-            ("", false),
-            ("1..2", false),
-            (".", false),
-            ("..", false),
-            ("1.2/3", false),
-            ("1.2.", false),
-            ("a.b", false),
-        ] {
-            assert_eq!(is_uid(uid), good, "{uid}");
-        }
-        assert!(is_uid(&"1".repeat(64)) && !is_uid(&"1".repeat(65)));
     }
 }

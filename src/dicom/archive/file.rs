@@ -8,7 +8,8 @@ use dicom_core::Tag;
 use dicom_dictionary_std::{tags, uids};
 use dicom_ul::IMPLEMENTATION_CLASS_UID;
 
-use super::elements::{Elements, is_uid, text};
+use super::elements::{Elements, text};
+use crate::text::is_uid;
 
 /// Bytes before the first element: 128 of any content, and `DICM`.
 const PREAMBLE: usize = 132;

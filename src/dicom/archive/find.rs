@@ -10,9 +10,10 @@ use dicom_core::Tag;
 use dicom_dictionary_std::{tags, uids};
 
 use super::connection::Association;
-use super::elements::{Elements, is_uid, put_implicit, text as plain_text};
+use super::elements::{Elements, put_implicit, text as plain_text};
 use super::message::{Command, Exchange, Kind};
 use super::{Archive, proposal, text};
+use crate::text::{decode, is_uid};
 
 /// The service that is asked: studies, their series, their instances.
 const MODEL: &str = uids::STUDY_ROOT_QUERY_RETRIEVE_INFORMATION_MODEL_FIND;
@@ -346,7 +347,7 @@ impl<'a> Questions<'a> {
         }
         let sets = elements.clone().find(|e| e.0 == tags::SPECIFIC_CHARACTER_SET);
         let sets = sets.map(|e| plain_text(e.1)).unwrap_or_default();
-        Ok(elements.map(|(tag, value)| (tag, text::decode(value, &sets))).collect())
+        Ok(elements.map(|(tag, value)| (tag, decode(value, &sets))).collect())
     }
 }
 

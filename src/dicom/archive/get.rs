@@ -10,11 +10,11 @@ use colvis_scan::progress::Progress;
 use dicom_dictionary_std::{tags, uids};
 
 use super::connection::{Association, MOST_CONTEXTS, Proposal};
-use super::elements::is_uid;
 use super::file::{Head, has_whole};
 use super::find::{Instance, Keys, Questions};
 use super::message::{Command, Exchange, Kind, Status};
 use super::{Archive, proposal};
+use crate::text::is_uid;
 
 /// The service that is asked.
 const MODEL: &str = uids::STUDY_ROOT_QUERY_RETRIEVE_INFORMATION_MODEL_GET;
@@ -101,7 +101,12 @@ impl Archive {
         let hint = "the same command goes on with the others";
         match outcome {
             Err(e) if matches!(e.kind, Failure::Input | Failure::Incomplete | Failure::Output) => {
-                let hint = if e.kind == Failure::Output { format!("{}; {hint}", e.hint) } else { hint.to_owned() };
+                // Where nothing came, the same command may not help.
+                let hint = match e.kind {
+                    Failure::Input if left == missing.len() => e.hint.clone(),
+                    Failure::Output => format!("{}; {hint}", e.hint),
+                    _ => hint.to_owned(),
+                };
                 let mut all = Error::new(e.kind, e.what, format!("{}; {count}", e.why), hint);
                 all.cause = e.cause;
                 Err(all)

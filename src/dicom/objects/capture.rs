@@ -66,7 +66,7 @@ impl Capture<'_> {
             )
             .with(tags::PATIENT_ORIENTATION, "")
             .with(tags::LATERALITY, "")
-            .with(tags::IMAGE_COMMENTS, self.comment.as_str())
+            .with(tags::IMAGE_COMMENTS, short(&self.comment, 1024))
             .with(tags::BURNED_IN_ANNOTATION, "NO")
             .with(tags::RECOGNIZABLE_VISUAL_FEATURES, "NO")
             .with(tags::LOSSY_IMAGE_COMPRESSION, "00")

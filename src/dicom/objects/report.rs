@@ -7,7 +7,7 @@ use dicom_core::PrimitiveValue;
 use dicom_dictionary_std::{tags, uids};
 use glam::DVec3;
 
-use super::set::{Code, Set, decimal, short};
+use super::set::{Code, Set, decimal, long, short};
 use super::study::{About, Study};
 
 /// A reference to an image, or to frames or a segment of it.
@@ -102,7 +102,10 @@ impl Node {
                 template.map_or(set.clone(), |t| set.with_items(tags::CONTENT_TEMPLATE_SEQUENCE, [t]))
             }
             // A text must say something.
-            Content::Text(text) => set.with(tags::TEXT_VALUE, if text.trim().is_empty() { "-" } else { text }),
+            Content::Text(text) => {
+                let text = long(text);
+                set.with(tags::TEXT_VALUE, if text.trim().is_empty() { "-".to_owned() } else { text })
+            }
             Content::Code(code) => set.with_code(tags::CONCEPT_CODE_SEQUENCE, *code),
             Content::Number(value, unit) => {
                 let value = Set::default()

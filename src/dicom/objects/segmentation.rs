@@ -155,6 +155,8 @@ impl Segmentation<'_> {
                 );
             match &sources[along as usize - 1] {
                 Some(source) => set.with_items(tags::DERIVATION_IMAGE_SEQUENCE, [derivation(source)]),
+                // A slice between two that are missing: the sequence is there for every frame, or for none.
+                None if !self.study.images.is_empty() => set.with_items(tags::DERIVATION_IMAGE_SEQUENCE, []),
                 None => set,
             }
         };
@@ -224,9 +226,7 @@ impl Segmentation<'_> {
     /// Returns what all frames share.
     fn shared(&self) -> Set {
         let (spacing, direction) = (self.grid.spacing(), self.grid.direction());
-        let normal = direction.x_axis.cross(direction.y_axis).normalize_or_zero();
-        // Slices of a tilted gantry are nearer to each other than their first pixels are.
-        let apart = (spacing.z * direction.z_axis.dot(normal)).abs();
+        let (_, apart) = across(self.grid);
         let measures = Set::default()
             .with(tags::SLICE_THICKNESS, decimal(apart))
             .with(tags::SPACING_BETWEEN_SLICES, decimal(apart))
@@ -240,22 +240,9 @@ impl Segmentation<'_> {
 
     /// Returns the slice of the series that lies at each of these slices of the grid, within half their distance.
     fn sources(&self, slices: &[usize]) -> Vec<Option<&SourceImage>> {
-        let direction = self.grid.direction();
-        let normal = direction.x_axis.cross(direction.y_axis).normalize_or_zero();
-        let apart = (self.grid.spacing().z * direction.z_axis.dot(normal)).abs();
-        let images = self.study.images.iter().filter_map(|image| Some((image.position?.dot(normal), image)));
-        let mut images: Vec<(f64, &SourceImage)> = images.collect();
-        images.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let nearest = |k: &usize| {
-            let at = self.grid.world(DVec3::new(0.0, 0.0, *k as f64)).dot(normal);
-            let above = images.partition_point(|i| i.0 < at);
-            let off = |n: &usize| (images[*n].0 - at).abs();
-            let near = [above.checked_sub(1), (above < images.len()).then_some(above)].into_iter().flatten();
-            // Of two at one position, the first.
-            let best = near.min_by(|a, b| off(a).total_cmp(&off(b)))?;
-            (off(&best) <= 0.5 * apart).then(|| images[best].1)
-        };
-        slices.iter().map(nearest).collect()
+        let (normal, apart) = across(self.grid);
+        let middle = |k: &usize| self.grid.world(DVec3::new(0.0, 0.0, *k as f64));
+        slices.iter().map(|k| self.study.nearest(middle(k), normal, 0.5 * apart)).collect()
     }
 
     /// Returns the reference to the series and those of its objects that frames were derived from.
@@ -297,6 +284,14 @@ impl Segmentation<'_> {
         }
         bytes
     }
+}
+
+/// Returns the unit normal of a grid's slices, and how far they are apart along it, mm: those of a tilted gantry are nearer to each other
+/// than their first pixels are.
+fn across(grid: &Grid) -> (DVec3, f64) {
+    let direction = grid.direction();
+    let normal = direction.x_axis.cross(direction.y_axis).normalize_or_zero();
+    (normal, (grid.spacing().z * direction.z_axis.dot(normal)).abs())
 }
 
 /// Returns what says that a frame was made from an image.
@@ -367,7 +362,7 @@ mod tests {
             labels[2 * k] = if k < 300 { 1 } else { u8::from(k < 450) * 2 };
             labels[2 * k + 1] = if (20..30).contains(&k) || k >= 510 { 0 } else { 3 };
         }
-        let study = Study::nobodys("sha256:ab");
+        let study = Study::anonymous("sha256:ab");
         let make = |segments: Vec<Segment>| Segmentation {
             study: &study,
             seed: String::new(),

@@ -88,7 +88,10 @@ impl Set {
     pub(super) fn write(self, out: &mut dyn Write) -> io::Result<()> {
         let meta = FileMetaTableBuilder::new().transfer_syntax(uids::EXPLICIT_VR_LITTLE_ENDIAN);
         let file = self.0.with_meta(meta).map_err(io::Error::other)?;
-        file.write_all(out).map_err(io::Error::other)
+        // The reason why a file cannot be written is told by its own error, which the library would hide.
+        let mut bytes = Vec::new();
+        file.write_all(&mut bytes).map_err(io::Error::other)?;
+        out.write_all(&bytes)
     }
 }
 
@@ -112,6 +115,12 @@ pub(super) fn decimal(value: f64) -> String {
 /// Returns decimal strings.
 pub(super) fn decimals(values: impl IntoIterator<Item = f64>) -> PrimitiveValue {
     PrimitiveValue::Strs(values.into_iter().map(decimal).collect())
+}
+
+/// Returns a text of several lines, without the letters that such a text must not have.
+pub(super) fn long(text: &str) -> String {
+    let is_plain = |c: &char| !c.is_control() || matches!(c, '\t' | '\n' | '\r' | '\u{c}');
+    text.chars().filter(is_plain).collect()
 }
 
 /// Cuts a text to so many characters, without the letters that a text of one line and one value must not have.

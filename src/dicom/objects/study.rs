@@ -1,12 +1,13 @@
-//! Whose objects are written, and what all of them say.
+//! The patient and the study that objects belong to, and what all objects have.
 
 use colvis_scan::volume::io::identity::{self, ATTRIBUTES, Identity, SourceImage};
 use dicom_core::Tag;
 use dicom_dictionary_std::tags;
-use dicom_encoding::text::{SpecificCharacterSet, TextCodec};
+use glam::DVec3;
 use sha2::{Digest, Sha256};
 
 use super::set::{Set, short};
+use crate::text::{decode, is_uid};
 
 /// A date that stands for none, where one must be given (PS3.15, table E.1-1: a dummy).
 const NO_DATE: [&str; 2] = ["19000101", "000000"];
@@ -26,13 +27,15 @@ pub struct Study {
     values: Vec<(identity::Tag, String)>,
     /// Date and time of the content.
     date: [String; 2],
-    /// True if nothing of the patient is told.
-    is_nobodys: bool,
+    /// True if no object tells whose scan it is.
+    is_anonymous: bool,
+    /// The offset of all times from UTC, `+0100`; `None` if it is not known.
+    offset: Option<String>,
 }
 
 impl Study {
-    /// Returns a study of a patient without a name. `scan` is what distinguishes the scan from others, such as its hash.
-    pub fn nobodys(scan: &str) -> Self {
+    /// Returns a study that does not tell whose it is. `scan` distinguishes the scan from others, such as its hash.
+    pub fn anonymous(scan: &str) -> Self {
         let short: String = scan.rsplit(':').next().unwrap_or_default().chars().take(12).collect();
         Self {
             study: uid(&["study", scan]),
@@ -44,33 +47,52 @@ impl Study {
                 (identity::PATIENT_ID, format!("scan-{short}")),
             ],
             date: NO_DATE.map(str::to_owned),
-            is_nobodys: true,
+            is_anonymous: true,
+            offset: None,
         }
     }
 
-    /// Returns the study of an identity. `date` is the day and time of the reading in UTC, as `YYYYMMDD` and `HHMMSS`. UIDs that the
-    /// headers lack are made from `scan`, as [`Study::nobodys`] does.
-    pub fn of(identity: &Identity, scan: &str, date: [String; 2]) -> Self {
-        let text = |tag: identity::Tag| {
-            let bytes = identity.values.get(&tag)?;
-            Some(decode(&identity.character_set, bytes)).filter(|text| !text.is_empty())
-        };
-        let none = Self::nobodys(scan);
-        let values = ATTRIBUTES.into_iter().filter_map(|tag| Some((tag, text(tag)?))).collect();
+    /// Returns the study of an identity. `seconds` is when the scan was read, since 1970 in UTC. UIDs that the headers lack are made from
+    /// `scan` and the identity. Values that their representation does not allow are left out or shortened.
+    pub fn of(identity: &Identity, scan: &str, seconds: u64) -> Self {
+        let values: Vec<(identity::Tag, String)> = ATTRIBUTES
+            .into_iter()
+            .filter_map(|tag| {
+                let text = decode(identity.values.get(&tag)?, &identity.character_set);
+                Some((tag, valid(tag, &text)?))
+            })
+            .collect();
+        let text = |tag: identity::Tag| values.iter().find(|v| v.0 == tag).map(|v| v.1.clone());
+        let whose = format!("{:?}", identity.values);
+        let offset = text(identity::OFFSET);
+        let minutes = offset.as_deref().map_or(0, minutes);
+        let series = text(identity::SERIES);
+        let is_sound = |image: &&SourceImage| series.is_some() && is_uid(&image.class) && is_uid(&image.instance);
+        let images = identity.images.iter().filter(is_sound).cloned().collect();
         Self {
-            study: text(identity::STUDY).unwrap_or(none.study),
-            frame_of_reference: text(identity::FRAME_OF_REFERENCE).unwrap_or(none.frame_of_reference),
-            series: text(identity::SERIES),
-            images: identity.images.clone(),
+            study: text(identity::STUDY).unwrap_or_else(|| uid(&["study of", scan, &whose])),
+            frame_of_reference: text(identity::FRAME_OF_REFERENCE).unwrap_or_else(|| uid(&["frame of", scan, &whose])),
+            series,
+            images,
+            date: date(seconds.saturating_add_signed(60 * minutes)),
             values,
-            date,
-            is_nobodys: false,
+            is_anonymous: false,
+            offset,
         }
     }
 
-    /// True if nothing of the patient is told.
-    pub fn is_nobodys(&self) -> bool {
-        self.is_nobodys
+    /// True if no object tells whose scan it is.
+    pub fn is_anonymous(&self) -> bool {
+        self.is_anonymous
+    }
+
+    /// Returns the slice of the series that is nearest to a place (world, mm) across its slices, whose normal is given, and within so
+    /// many mm; of two at one position the first.
+    pub fn nearest(&self, place: DVec3, normal: DVec3, within_mm: f64) -> Option<&SourceImage> {
+        let off = |image: &SourceImage| image.position.map(|p| (p - place).dot(normal).abs());
+        let near = self.images.iter().filter_map(|image| Some((off(image)?, image)));
+        let best = near.reduce(|a, b| if b.0 < a.0 { b } else { a })?;
+        (best.0 <= within_mm).then_some(best.1)
     }
 
     /// Returns an attribute of the patient or the study; `None` if it is not known.
@@ -87,17 +109,16 @@ impl Study {
             .with(tags::SOP_CLASS_UID, about.class)
             .with(tags::SOP_INSTANCE_UID, about.instance)
             .with(tags::STUDY_DATE, text(identity::STUDY_DATE))
-            .with(tags::STUDY_TIME, text((0x0008, 0x0030)))
+            .with(tags::STUDY_TIME, text(identity::STUDY_TIME))
             .with(tags::CONTENT_DATE, date)
             .with(tags::CONTENT_TIME, time)
-            .with(tags::TIMEZONE_OFFSET_FROM_UTC, "+0000")
             .with(tags::ACCESSION_NUMBER, text(identity::ACCESSION))
             .with(tags::MODALITY, about.modality)
             .with(tags::MANUFACTURER, "colvis")
             .with(tags::MANUFACTURER_MODEL_NAME, "colvis")
             .with(tags::DEVICE_SERIAL_NUMBER, env!("CARGO_PKG_VERSION"))
             .with(tags::SOFTWARE_VERSIONS, env!("CARGO_PKG_VERSION"))
-            .with(tags::REFERRING_PHYSICIAN_NAME, text((0x0008, 0x0090)))
+            .with(tags::REFERRING_PHYSICIAN_NAME, text(identity::REFERRING))
             .with(tags::SERIES_DESCRIPTION, short(about.description, 64))
             .with(tags::PATIENT_NAME, text(identity::PATIENT_NAME))
             .with(tags::PATIENT_ID, text(identity::PATIENT_ID))
@@ -105,19 +126,20 @@ impl Study {
             .with(tags::PATIENT_SEX, text(identity::SEX))
             .with(tags::STUDY_INSTANCE_UID, self.study.as_str())
             .with(tags::SERIES_INSTANCE_UID, about.series)
-            .with(tags::STUDY_ID, text((0x0020, 0x0010)))
+            .with(tags::STUDY_ID, text(identity::STUDY_ID))
             .with(tags::SERIES_NUMBER, about.series_number.to_string())
             .with(tags::INSTANCE_NUMBER, about.number.to_string());
-        let set = if self.is_nobodys {
+        let set = if self.is_anonymous {
             set.with(tags::PATIENT_IDENTITY_REMOVED, "YES")
                 .with(tags::DEIDENTIFICATION_METHOD, "nothing of the patient was taken over from the scan")
         } else {
             set
         };
-        let optional: [(Tag, identity::Tag); 3] = [
+        let optional: [(Tag, identity::Tag); 4] = [
+            (tags::TIMEZONE_OFFSET_FROM_UTC, identity::OFFSET),
             (tags::STUDY_DESCRIPTION, identity::STUDY_DESCRIPTION),
-            (tags::ISSUER_OF_PATIENT_ID, (0x0010, 0x0021)),
-            (tags::PATIENT_AGE, (0x0010, 0x1010)),
+            (tags::ISSUER_OF_PATIENT_ID, identity::ISSUER),
+            (tags::PATIENT_AGE, identity::AGE),
         ];
         let known = optional.into_iter().filter_map(|(tag, of)| Some((tag, self.text(of)?)));
         known.fold(set, |set, (tag, text)| set.with(tag, text))
@@ -125,7 +147,7 @@ impl Study {
 
     /// Returns the frame of reference module.
     pub(super) fn frame(&self) -> Set {
-        let indicator = self.text((0x0020, 0x1040)).unwrap_or_default();
+        let indicator = self.text(identity::POSITION_REFERENCE).unwrap_or_default();
         Set::default()
             .with(tags::FRAME_OF_REFERENCE_UID, self.frame_of_reference.as_str())
             .with(tags::POSITION_REFERENCE_INDICATOR, indicator)
@@ -150,6 +172,57 @@ pub(super) struct About<'a> {
     pub description: &'a str,
 }
 
+/// Returns day and time as `YYYYMMDD` and `HHMMSS` of seconds since 1970 (days to dates: Hinnant, *chrono-Compatible Low-Level Date
+/// Algorithms*).
+fn date(seconds: u64) -> [String; 2] {
+    let (days, seconds) = (seconds / 86400, seconds % 86400);
+    let days = days + 719_468;
+    let (era, of_era) = (days / 146_097, days % 146_097);
+    let year_of_era = (of_era - of_era / 1460 + of_era / 36524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let from_march = (5 * of_year + 2) / 153;
+    let day = of_year - (153 * from_march + 2) / 5 + 1;
+    let month = if from_march < 10 { from_march + 3 } else { from_march - 9 };
+    let year = 400 * era + year_of_era + u64::from(month <= 2);
+    [
+        format!("{year:04}{month:02}{day:02}"),
+        format!("{:02}{:02}{:02}", seconds / 3600, seconds / 60 % 60, seconds % 60),
+    ]
+}
+
+/// Returns the minutes of an offset from UTC, such as `+0130`.
+fn minutes(offset: &str) -> i64 {
+    let number = |range: std::ops::Range<usize>| offset.get(range).and_then(|n| n.parse::<i64>().ok()).unwrap_or(0);
+    let minutes = 60 * number(1..3) + number(3..5);
+    if offset.starts_with('-') { -minutes } else { minutes }
+}
+
+/// Returns the value of an attribute as its representation allows it (PS3.5, 6.2): shortened, or `None` if it is none.
+fn valid(tag: identity::Tag, text: &str) -> Option<String> {
+    let digits = |text: &str, count: usize| text.len() == count && text.bytes().all(|b| b.is_ascii_digit());
+    let is_good = match tag {
+        identity::STUDY | identity::SERIES | identity::FRAME_OF_REFERENCE => is_uid(text),
+        identity::STUDY_DATE | identity::BIRTH_DATE => digits(text, 8),
+        identity::STUDY_TIME => {
+            let (whole, part) = text.split_once('.').unwrap_or((text, "0"));
+            [2, 4, 6].into_iter().any(|n| digits(whole, n)) && (1..=6).any(|n| digits(part, n))
+        }
+        identity::SEX => matches!(text, "M" | "F" | "O"),
+        identity::AGE => {
+            text.len() == 4 && digits(&text[..3.min(text.len())], 3) && text.ends_with(['D', 'W', 'M', 'Y'])
+        }
+        identity::OFFSET => text.starts_with(['+', '-']) && text.get(1..).is_some_and(|n| digits(n, 4)),
+        _ => true,
+    };
+    let most = match tag {
+        identity::ACCESSION | identity::STUDY_ID => 16,
+        identity::PATIENT_NAME | identity::REFERRING => 3 * 64,
+        _ => 64,
+    };
+    let text = short(text, most);
+    (is_good && !text.is_empty()).then_some(text)
+}
+
 /// Returns a UID made of these texts: the same for the same texts, and no other program's (a UUID of version 8 below 2.25, PS3.5, B.2).
 pub fn uid(parts: &[&str]) -> String {
     let mut hash = Sha256::new_with_prefix("colvis");
@@ -162,24 +235,6 @@ pub fn uid(parts: &[&str]) -> String {
     bytes[6] = bytes[6] & 0x0F | 0x80;
     bytes[8] = bytes[8] & 0x3F | 0x80;
     format!("2.25.{}", u128::from_be_bytes(bytes))
-}
-
-/// Decodes a text of a header. What its character set does not know becomes a replacement character.
-fn decode(character_set: &str, bytes: &[u8]) -> String {
-    let one = |code: &str, bytes: &[u8]| match SpecificCharacterSet::from_code(code.trim()) {
-        Some(set) if set != SpecificCharacterSet::ISO_IR_192 => set.decode(bytes).ok(),
-        _ => None,
-    };
-    let mut codes = character_set.split('\\');
-    let first = codes.next().filter(|c| !c.trim().is_empty()).unwrap_or("ISO_IR 192");
-    // Sets that are switched to by escape sequences: a decoder of such a set knows the others of its language.
-    let text = match codes.next() {
-        Some(second) if bytes.contains(&0x1B) => one(second, bytes),
-        _ => one(first, bytes),
-    };
-    let text = text.unwrap_or_else(|| String::from_utf8_lossy(bytes).into_owned());
-    // A backslash would separate two values.
-    text.trim_matches(['\0', ' ']).replace('\\', " ")
 }
 
 #[cfg(test)]
@@ -198,16 +253,64 @@ mod tests {
     }
 
     #[test]
-    fn texts_of_any_character_set_become_unicode() {
-        for (set, bytes, text) in [
-            ("ISO_IR 100", &b"M\xfcller^J\xf6rg "[..], "Müller^Jörg"),
-            ("ISO_IR 192", "Müller".as_bytes(), "Müller"),
-            ("", b"Miller\0", "Miller"),
-            ("ISO_IR 144", b"\xbb\xee\xda", "Люк"),
-            ("\\ISO 2022 IR 87", b"Yamada^Tarou=\x1b$B;3ED\x1b(B^\x1b$BB@O:\x1b(B", "Yamada^Tarou=山田^太郎"),
-            ("unheard of", b"\xff\xfe", "\u{fffd}\u{fffd}"),
+    fn dates_are_those_of_the_calendar() {
+        for (seconds, day, time) in [
+            (0, "19700101", "000000"),
+            (951_782_400, "20000229", "000000"),
+            (1_709_251_199, "20240229", "235959"),
+            (4_102_444_800, "21000101", "000000"),
         ] {
-            assert_eq!(decode(set, bytes), text, "{set}");
+            assert_eq!(date(seconds), [day, time]);
         }
+        assert_eq!((minutes("+0130"), minutes("-0200"), minutes("?")), (90, -120, 0));
+    }
+
+    #[test]
+    fn values_that_are_none_are_left_out_and_long_ones_shortened() {
+        for (tag, text, wanted) in [
+            (identity::STUDY, "1.2.abc", None),
+            (identity::STUDY, "1.2.3", Some("1.2.3")),
+            (identity::SEX, "female", None),
+            (identity::AGE, "74", None),
+            (identity::AGE, "074Y", Some("074Y")),
+            (identity::STUDY_DATE, "2024.01.05", None),
+            (identity::STUDY_TIME, "101112.5", Some("101112.5")),
+            (identity::STUDY_TIME, "10:11", None),
+            (identity::ACCESSION, "123456789012345678", Some("1234567890123456")),
+            (identity::OFFSET, "+0100", Some("+0100")),
+            (identity::OFFSET, "CET", None),
+            (identity::PATIENT_NAME, "Doe^Jane", Some("Doe^Jane")),
+        ] {
+            assert_eq!(valid(tag, text).as_deref(), wanted, "{text}");
+        }
+    }
+
+    #[test]
+    fn objects_of_somebody_and_of_nobody_are_not_linked() {
+        let identity = Identity { values: [(identity::PATIENT_ID, b"7".to_vec())].into(), ..Identity::default() };
+        let (known, unknown) = (Study::of(&identity, "sha256:ab", 0), Study::anonymous("sha256:ab"));
+        assert!(known.study != unknown.study && known.frame_of_reference != unknown.frame_of_reference);
+        let other = Identity { values: [(identity::PATIENT_ID, b"8".to_vec())].into(), ..Identity::default() };
+        assert_ne!(Study::of(&other, "sha256:ab", 0).study, known.study);
+    }
+
+    /// The first pixels of a tilted gantry's slices are on a line that is not their normal.
+    #[test]
+    fn the_nearest_slice_of_a_tilted_gantry_is_the_one_whose_plane_it_is() {
+        let (sin, cos) = 0.3_f64.sin_cos();
+        let image = |k: u32| SourceImage {
+            class: "1.2".to_owned(),
+            instance: format!("1.{k}"),
+            frame: None,
+            position: Some(DVec3::Z * f64::from(k)),
+        };
+        let study = Study { images: (0..200).map(image).collect(), ..Study::anonymous("") };
+        let normal = DVec3::new(0.0, -sin, cos);
+        let at = |k: f64, along: f64| DVec3::Z * k + DVec3::new(0.0, cos, sin) * along;
+        for (k, along) in [(100.0, 0.0), (100.0, 120.0), (40.2, -90.0)] {
+            let found = study.nearest(at(k, along), normal, 1.0).unwrap();
+            assert_eq!(found.instance, format!("1.{k:.0}"), "{along}");
+        }
+        assert_eq!(study.nearest(at(250.0, 0.0), normal, 1.0), None);
     }
 }

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use egui::{CollapsingHeader, ComboBox, RichText, TextEdit, Ui};
 
 use crate::dicom::archive::{Archive, Found, Got, Query, Series, Study};
+use crate::dicom::is_uid;
 use crate::error::{Error, Result};
 use crate::host::archives;
 use crate::host::folders::Folder;
@@ -225,8 +226,7 @@ impl ArchiveList {
 /// Returns the folder that a series is fetched into: it is kept, so that opening it again needs no network. Fails with status 3 for what
 /// is no UID, or if the system has no folder for it.
 fn folder(uid: &str) -> Result<PathBuf> {
-    let is_part = |part: &str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit());
-    if uid.len() > 64 || !uid.split('.').all(is_part) {
+    if !is_uid(uid) {
         return Err(Error::input("archive", "names a series that has no valid UID", "ask who runs it"));
     }
     let place = Folder::State.file(PathBuf::from("archive").join(uid));

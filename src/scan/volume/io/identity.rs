@@ -52,22 +52,38 @@ pub const ACCESSION: Tag = (0x0008, 0x0050);
 /// What the study is.
 pub const STUDY_DESCRIPTION: Tag = (0x0008, 0x1030);
 
+/// Time of the study.
+pub const STUDY_TIME: Tag = (0x0008, 0x0030);
+/// The name of the referring physician.
+pub const REFERRING: Tag = (0x0008, 0x0090);
+/// The offset of all times from UTC.
+pub const OFFSET: Tag = (0x0008, 0x0201);
+/// Who gave the patient's number.
+pub const ISSUER: Tag = (0x0010, 0x0021);
+/// The patient's age.
+pub const AGE: Tag = (0x0010, 0x1010);
+/// Number of the study.
+pub const STUDY_ID: Tag = (0x0020, 0x0010);
+/// What positions are relative to.
+pub const POSITION_REFERENCE: Tag = (0x0020, 0x1040);
+
 /// What an identity holds: patient and study (PS3.3, C.7.1.1 and C.7.2.1), UIDs of study, series and frame of reference.
-pub const ATTRIBUTES: [Tag; 16] = [
+pub const ATTRIBUTES: [Tag; 17] = [
     STUDY_DATE,
-    (0x0008, 0x0030),
+    STUDY_TIME,
     ACCESSION,
-    (0x0008, 0x0090),
+    REFERRING,
+    OFFSET,
     STUDY_DESCRIPTION,
     PATIENT_NAME,
     PATIENT_ID,
-    (0x0010, 0x0021),
+    ISSUER,
     BIRTH_DATE,
     SEX,
-    (0x0010, 0x1010),
+    AGE,
     STUDY,
     SERIES,
-    (0x0020, 0x0010),
+    STUDY_ID,
     FRAME_OF_REFERENCE,
-    (0x0020, 0x1040),
+    POSITION_REFERENCE,
 ];
