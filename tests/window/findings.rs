@@ -9,10 +9,10 @@ use serde_json::Value;
 use super::*;
 
 /// A screen on which the wall beside the camera is some pixels away in each slice.
-const LARGE: (u32, u32) = (1280, 800);
+pub(crate) const LARGE: (u32, u32) = (1280, 800);
 
 /// Writes a phantom that has everything that a reader meets.
-fn write_phantom(folder: &Path, name: &str) {
+pub(crate) fn write_phantom(folder: &Path, name: &str) {
     let made = colvis()
         .args(["phantom", "--out", name, "--size", "small", "--with", "folds,polyps,fluid,noise", "--seed", "1"])
         .current_dir(folder)
@@ -20,12 +20,12 @@ fn write_phantom(folder: &Path, name: &str) {
     assert!(made.unwrap().success());
 }
 
-fn screen() -> Option<Screen> {
+pub(crate) fn screen() -> Option<Screen> {
     Screen::open_with(&format!("{}x{}x24", LARGE.0, LARGE.1), &[], &[])
 }
 
 /// Opens a scan in the layout for reading and pauses its flight if that is asked for.
-fn open(screen: &Screen, folder: &Path, scan: &str, pauses: bool) -> Running {
+pub(crate) fn open(screen: &Screen, folder: &Path, scan: &str, pauses: bool) -> Running {
     let size = format!("{}x{}", LARGE.0, LARGE.1);
     let args = ["fly", scan, "--size", &size, "--log", "f.jsonl", "--layout", "flight"];
     let window = screen.open_window(folder, &args, flies);
@@ -40,7 +40,7 @@ fn open(screen: &Screen, folder: &Path, scan: &str, pauses: bool) -> Running {
 }
 
 /// Returns the place of the camera in the axial slice, at the upper right of the layout, pixels.
-fn camera(image: &RgbImage) -> Option<(u32, u32)> {
+pub(crate) fn camera(image: &RgbImage) -> Option<(u32, u32)> {
     // The upper bound of the slice's rows is that of its scale bar and letters.
     let places = (60..400).flat_map(|y| (720..LARGE.0).map(move |x| (x, y)));
     let blue: Vec<_> = places.filter(|&(x, y)| image.get_pixel(x, y).0 == [96, 190, 255]).collect();
@@ -50,7 +50,7 @@ fn camera(image: &RgbImage) -> Option<(u32, u32)> {
 }
 
 /// Returns the place of the wall beside the camera in the axial slice, at its left or right, pixels.
-fn wall(image: &RgbImage, at: (u32, u32), is_left: bool) -> (u32, u32) {
+pub(crate) fn wall(image: &RgbImage, at: (u32, u32), is_left: bool) -> (u32, u32) {
     let column = |n: u32| if is_left { at.0 - n } else { at.0 + n };
     // Below the crosshair, past the dot.
     let row = at.1 + 4;
@@ -60,7 +60,7 @@ fn wall(image: &RgbImage, at: (u32, u32), is_left: bool) -> (u32, u32) {
     (column(n), row)
 }
 
-fn click(screen: &Screen, at: (u32, u32)) {
+pub(crate) fn click(screen: &Screen, at: (u32, u32)) {
     screen.tool("xdotool", &["mousemove", &at.0.to_string(), &at.1.to_string(), "sleep", "0.1", "click", "1"]);
     // Two clicks soon after each other would be a double click.
     std::thread::sleep(Duration::from_millis(700));
@@ -82,7 +82,7 @@ fn is_temporary(name: &str) -> bool {
 }
 
 /// Returns the one file of findings, and what it holds; `None` if there is none yet.
-fn kept(folder: &Path) -> Option<(PathBuf, Value)> {
+pub(crate) fn kept(folder: &Path) -> Option<(PathBuf, Value)> {
     let names: Vec<String> = names(folder).into_iter().filter(|n| !is_temporary(n)).collect();
     assert!(names.len() < 2, "{names:?}");
     let path = kept_in(folder).join(names.first()?);
@@ -104,15 +104,15 @@ pub(crate) fn kept_when(folder: &Path, what: &str, wanted: impl Fn(&Value) -> bo
     }
 }
 
-fn list<'a>(found: &'a Value, of: &str) -> &'a [Value] {
+pub(crate) fn list<'a>(found: &'a Value, of: &str) -> &'a [Value] {
     found[of].as_array().map_or(&[], Vec::as_slice)
 }
 
-fn ids(found: &Value) -> Vec<&str> {
+pub(crate) fn ids(found: &Value) -> Vec<&str> {
     list(found, "findings").iter().map(|f| f["id"].as_str().unwrap()).collect()
 }
 
-fn vector(value: &Value) -> DVec3 {
+pub(crate) fn vector(value: &Value) -> DVec3 {
     serde_json::from_value(value.clone()).unwrap()
 }
 
@@ -125,7 +125,7 @@ fn is_content(err: &str) -> bool {
 }
 
 /// Writes the report, and returns its findings once it is there.
-fn report(screen: &Screen, shots: &Path) -> Value {
+pub(crate) fn report(screen: &Screen, shots: &Path) -> Value {
     screen.key("ctrl+x");
     let begun = Instant::now();
     loop {
@@ -141,7 +141,7 @@ fn report(screen: &Screen, shots: &Path) -> Value {
     }
 }
 
-fn quit(screen: &Screen, mut window: Running) {
+pub(crate) fn quit(screen: &Screen, mut window: Running) {
     screen.key("ctrl+q");
     let status = window.wait();
     let (_, err) = window.output();
@@ -251,7 +251,7 @@ fn findings_are_in_the_scans_file_whatever_form_the_scan_comes_in() {
 }
 
 /// Asserts that two values are the same. A number keeps its digits but the last, and a place those of a header.
-fn assert_same(a: &Value, b: &Value) {
+pub(crate) fn assert_same(a: &Value, b: &Value) {
     match (a, b) {
         (Value::Number(x), Value::Number(y)) => {
             assert!((x.as_f64().unwrap() - y.as_f64().unwrap()).abs() < 1e-3, "{x} {y}");
@@ -291,6 +291,11 @@ fn lengthen(folder: &Path) {
     fs::write(path, serde_json::to_vec_pretty(&found).unwrap()).unwrap();
 }
 
+/// Looks a little to the side and marks what is ahead then: a place that has a finding gets no second one.
+fn mark_elsewhere(screen: &Screen) {
+    screen.tool("xdotool", &["keydown", "Left", "sleep", "0.1", "keyup", "Left", "sleep", "0.1", "key", "j"]);
+}
+
 #[test]
 #[ignore = "slow: twenty windows that are killed"]
 fn a_window_that_is_killed_loses_no_finding_and_the_next_one_stores_on() {
@@ -313,16 +318,16 @@ fn a_window_that_is_killed_loses_no_finding_and_the_next_one_stores_on() {
         let held = count(&kept(folder).unwrap().1);
         let mut window = open(&screen, folder, "scan.nii.gz", false);
         // It reads the file and stores on; what a killed one has left is gone then.
-        screen.key("j");
+        mark_elsewhere(&screen);
         kept_when(folder, "one more", |found| count(found) > held);
         let there = names(folder);
         assert!(left.iter().all(|name| !there.contains(name)), "{kill}: {left:?} of {there:?}");
         for _ in 0..(3.0 * random()) as usize {
-            screen.key("j");
+            mark_elsewhere(&screen);
         }
         // What is in the file now must never be lost.
         let (path, before) = kept(folder).unwrap();
-        screen.key("j");
+        mark_elsewhere(&screen);
         std::thread::sleep(Duration::from_secs_f64(0.6 * random()));
         window.0.kill().unwrap();
         window.wait();
@@ -344,7 +349,7 @@ fn a_window_that_is_killed_loses_no_finding_and_the_next_one_stores_on() {
     println!("{made} of 20 were killed while they wrote");
     let window = open(&screen, folder, "scan.nii.gz", false);
     let held = list(&kept(folder).unwrap().1, "findings").len();
-    screen.key("j");
+    mark_elsewhere(&screen);
     kept_when(folder, "one more", |found| list(found, "findings").len() > held);
     quit(&screen, window);
     assert!(names(folder).iter().all(|n| !is_temporary(n)), "{:?}", names(folder));

@@ -23,6 +23,7 @@ use support::xvfb;
 #[cfg(feature = "dicom")]
 mod archive;
 mod findings;
+mod sitting;
 
 #[path = "../support"]
 mod support {
@@ -37,6 +38,7 @@ mod support {
     pub(crate) mod program;
     #[cfg(feature = "dicom")]
     pub(crate) mod scan_study;
+    pub(crate) mod scans;
     pub(crate) mod skips;
     pub(crate) mod xvfb;
 }

@@ -98,4 +98,17 @@ mod tests {
         finding.correct([DVec3::ZERO, DVec3::X * 29.0]);
         assert_eq!(finding.morphology, Some(Morphology::Sessile));
     }
+
+    #[test]
+    fn a_height_stays_unless_the_diameter_is_corrected_by_more_than_a_third() {
+        for (mm, height_mm) in [(12.0, Some(4.0)), (15.9, Some(4.0)), (8.1, Some(4.0)), (16.1, None), (7.9, None)] {
+            let (diameter_mm, volume_mm3) = (Some(12.0), Some(300.0));
+            let mut finding = Finding { diameter_mm, height_mm: Some(4.0), volume_mm3, ..Finding::default() };
+            finding.correct([DVec3::ZERO, DVec3::X * mm]);
+            assert_eq!((finding.height_mm, finding.volume_mm3), (height_mm, None), "{mm}");
+        }
+        let mut unmeasured = Finding { height_mm: Some(4.0), ..Finding::default() };
+        unmeasured.correct([DVec3::ZERO, DVec3::X]);
+        assert_eq!(unmeasured.height_mm, Some(4.0), "no base is known that it belongs to");
+    }
 }

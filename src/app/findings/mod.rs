@@ -138,9 +138,14 @@ impl Finding {
     }
 
     /// Moves the ends of its diameter, which has their distance then. The volume that belonged to the former ends is not known any more.
+    /// The height stays: the ends of the same lesion are often a little off. It is not known any more once the diameter changes by more
+    /// than a third of what it was: then another base was measured.
     pub fn correct(&mut self, ends: [DVec3; 2]) {
         let mm = ends[0].distance(ends[1]);
         self.volume_mm3 = None;
+        if self.diameter_mm.is_some_and(|before| (mm - before).abs() > before / 3.0) {
+            self.height_mm = None;
+        }
         (self.diameter_mm, self.ends) = (Some(mm), Some(ends));
         // What was a mass by its size alone, or is one now.
         match self.morphology {

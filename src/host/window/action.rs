@@ -77,6 +77,9 @@ pub(crate) const MENUS: &[(&str, &[&str])] = &[
         &[
             "finding",
             "finding-outside",
+            "finding-measured",
+            "finding-correct",
+            "finding-delete",
             "panel-findings",
             "report",
             "report-send",

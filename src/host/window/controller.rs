@@ -351,7 +351,8 @@ impl FlightController {
         let uncleansed =
             (self.cleansing.is_waiting() && self.has_shown && self.unflown.is_none()).then_some(self.start);
         let searched = self.assistant.as_ref().and_then(|a| a.next());
-        let (told, seen, found) = (self.kinds.next(), self.seen.next(), self.findings.next(self.start));
+        let (told, seen, found) =
+            (self.kinds.next(), self.seen.next(), self.findings.next(&self.document.found().findings, self.start));
         [
             self.looking.next(),
             seen,

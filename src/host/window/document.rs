@@ -139,10 +139,7 @@ impl Document {
         stroke: Option<Stroke>,
         change: impl FnOnce(&mut Vec<Finding>),
     ) -> Result<()> {
-        let before = self.found.findings.clone();
-        change(&mut self.found.findings);
-        let is_new = self.found.findings != before;
-        self.note_change(is_new, stroke, || Part::Findings(before))
+        self.change(|found| &mut found.findings, Part::Findings, stroke, change)
     }
 
     /// Changes the findings outside the colon, and stores them. What belongs to one `stroke` is undone together.
@@ -154,10 +151,36 @@ impl Document {
         stroke: Option<Stroke>,
         change: impl FnOnce(&mut Vec<Outside>),
     ) -> Result<()> {
-        let before = self.found.outside.clone();
-        change(&mut self.found.outside);
-        let is_new = self.found.outside != before;
-        self.note_change(is_new, stroke, || Part::Outside(before))
+        self.change(|found| &mut found.outside, Part::Outside, stroke, change)
+    }
+
+    fn change<T: Clone + PartialEq>(
+        &mut self,
+        list: fn(&mut Findings) -> &mut Vec<T>,
+        part: fn(Vec<T>) -> Part,
+        stroke: Option<Stroke>,
+        change: impl FnOnce(&mut Vec<T>),
+    ) -> Result<()> {
+        let before = list(&mut self.found).clone();
+        change(list(&mut self.found));
+        if *list(&mut self.found) == before {
+            return Ok(());
+        }
+        if stroke.is_none() || stroke != self.writing {
+            self.history.push(part(before));
+            self.shorten();
+        }
+        self.writing = stroke;
+        self.has_changes = true;
+        self.keep()
+    }
+
+    /// Returns the findings as they were before a stroke that goes on; `None` if it does not.
+    pub(crate) fn before(&self, stroke: &Stroke) -> Option<&[Finding]> {
+        match self.history.last() {
+            Some(Part::Findings(list)) if self.writing.as_ref() == Some(stroke) => Some(list),
+            _ => None,
+        }
     }
 
     /// Adds to a finding what the program knows of it, without a step of the history: an undo of what came before or after does not take
@@ -183,19 +206,6 @@ impl Document {
             return Ok(());
         }
         self.found.quality = list;
-        self.keep()
-    }
-
-    fn note_change(&mut self, is_new: bool, stroke: Option<Stroke>, before: impl FnOnce() -> Part) -> Result<()> {
-        if !is_new {
-            return Ok(());
-        }
-        if stroke.is_none() || stroke != self.writing {
-            self.history.push(before());
-            self.shorten();
-        }
-        self.writing = stroke;
-        self.has_changes = true;
         self.keep()
     }
 

@@ -29,9 +29,11 @@ pub(crate) struct Scans {
     pub(crate) preset: Preset,
 }
 
-/// What is to be made of a finding.
+/// What is to be made of a finding. It waits as long as that is deleted, which can be undone.
 struct Order {
     id: String,
+    /// Where that finding is, world mm.
+    place: DVec3,
     /// True if the lesion there is to be measured, too.
     measures: bool,
 }
@@ -44,7 +46,15 @@ pub(crate) struct Made {
     /// The lesion, if that was asked for; why not, if nothing bulges there.
     pub(crate) measured: Option<std::result::Result<Measurement, String>>,
     pub(crate) view: View,
-    pictures: Vec<FindingPicture>,
+    pictures: Pictures,
+}
+
+/// The pictures of a finding.
+#[derive(Clone)]
+struct Pictures {
+    /// The ends of its diameter that they show, world mm.
+    ends: Option<[DVec3; 2]>,
+    list: Arc<[FindingPicture]>,
 }
 
 /// The findings of a window beside their document.
@@ -55,7 +65,7 @@ pub(crate) struct FindingTool {
     pub(crate) takes_distance: bool,
     waiting: VecDeque<Order>,
     task: BackgroundTask<Made>,
-    pictures: BTreeMap<String, Arc<[FindingPicture]>>,
+    pictures: BTreeMap<String, Pictures>,
 }
 
 impl FindingTool {
@@ -81,28 +91,40 @@ impl FindingTool {
         list.iter().position(|f| f.id == id)
     }
 
-    /// Returns the pictures of a finding, once they are made.
+    /// Returns the pictures of a finding, once they are made. After a correction, they are those before until there are others.
     pub(crate) fn pictures(&self, id: &str) -> Option<&Arc<[FindingPicture]>> {
-        self.pictures.get(id)
+        Some(&self.pictures.get(id)?.list)
+    }
+
+    /// True if there is no picture of a finding as it is now.
+    fn lacks(&self, finding: &Finding) -> bool {
+        self.pictures.get(&finding.id).is_none_or(|p| p.ends != finding.ends)
     }
 
     /// Asks for the pictures of a new finding, and its measures.
-    pub(crate) fn order(&mut self, id: &str, measures: bool) {
+    pub(crate) fn order(&mut self, id: &str, place: DVec3, measures: bool) {
         self.pictures.remove(id);
-        self.waiting.push_back(Order { id: id.to_owned(), measures });
+        // Another one that was at the same place and deleted.
+        self.waiting.retain(|o| o.id != id || o.place != place);
+        self.waiting.push_back(Order { id: id.to_owned(), place, measures });
     }
 
-    /// True if there are findings without pictures, and none is being made.
+    /// Returns which order is due next: the first for a finding that is there.
+    fn due(&self, list: &[Finding]) -> Option<usize> {
+        self.waiting.iter().position(|o| list.iter().any(|f| f.is_at(&o.id, o.place)))
+    }
+
+    /// True if there are findings without pictures, or corrected since, and none is being made.
     pub(crate) fn lacks_pictures(&self, list: &[Finding]) -> bool {
-        let is_idle = self.waiting.is_empty() && !self.task.is_working() && self.task.failed().is_none();
-        is_idle && list.iter().any(|f| !self.pictures.contains_key(&f.id))
+        let is_idle = self.due(list).is_none() && !self.task.is_working() && self.task.failed().is_none();
+        is_idle && list.iter().any(|f| self.lacks(f))
     }
 
     /// Asks for the pictures of those that have none.
     pub(crate) fn order_missing(&mut self, list: &[Finding]) {
         if self.lacks_pictures(list) {
-            let without = list.iter().filter(|f| !self.pictures.contains_key(&f.id));
-            self.waiting.extend(without.map(|f| Order { id: f.id.clone(), measures: false }));
+            let without: Vec<&Finding> = list.iter().filter(|f| self.lacks(f)).collect();
+            self.waiting.extend(without.iter().map(|f| Order { id: f.id.clone(), place: f.place, measures: false }));
         }
     }
 
@@ -114,30 +136,28 @@ impl FindingTool {
         background: &Background,
         now: Instant,
     ) {
-        while !self.task.is_working()
-            && let Some(Order { id, measures }) = self.waiting.pop_front()
-        {
-            // It may have been deleted.
-            if let Some(finding) = list.iter().find(|f| f.id == id) {
-                let job = start(finding.clone(), measures, scans(), background);
-                return self.task.go_over(job, now);
-            }
+        if self.task.is_working() {
+            return;
+        }
+        let Some(Order { id, place, measures }) = self.due(list).and_then(|n| self.waiting.remove(n)) else { return };
+        if let Some(finding) = list.iter().find(|f| f.is_at(&id, place)) {
+            self.task.go_over(start(finding.clone(), measures, scans(), background), now);
         }
     }
 
     /// Takes what was made of a finding, once it is there. `list` has those that there are now.
     pub(crate) fn take(&mut self, list: &[Finding], now: Instant) -> Option<Made> {
-        let (mut made, _) = self.task.take(now)?.ok()?;
+        let (made, _) = self.task.take(now)?.ok()?;
         // It may have been deleted, and another one have its id.
         if list.iter().all(|f| f.id != made.id || f.is_at(&made.id, made.place)) {
-            self.pictures.insert(made.id.clone(), std::mem::take(&mut made.pictures).into());
+            self.pictures.insert(made.id.clone(), made.pictures.clone());
         }
         Some(made)
     }
 
-    /// Returns when its progress has to be looked at.
-    pub(crate) fn next(&self, now: Instant) -> Option<Instant> {
-        self.task.next().or((!self.waiting.is_empty()).then_some(now))
+    /// Returns when its progress has to be looked at. `list` has the findings that there are.
+    pub(crate) fn next(&self, list: &[Finding], now: Instant) -> Option<Instant> {
+        self.task.next().or_else(|| self.due(list).map(|_| now))
     }
 }
 
@@ -165,13 +185,13 @@ fn start(mut finding: Finding, measures: bool, scans: Scans, background: &Backgr
         }
         let view = finding.view_in(&cleansed)?;
         finding.view = Some(view);
-        let pictures = finding.pictures(&cleansed, scanned.as_ref(), preset, SIDE)?;
+        let list = finding.pictures(&cleansed, scanned.as_ref(), preset, SIDE)?.into();
         Ok(Made {
             id: finding.id,
             place: finding.place,
             measured: measured.map(|m| m.map_err(|e| e.why)),
             view,
-            pictures,
+            pictures: Pictures { ends: finding.ends, list },
         })
     })
 }

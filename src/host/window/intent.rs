@@ -117,10 +117,10 @@ pub(crate) enum Intent {
     EditFinding(usize, FindingEdit),
     /// Move an end, 0 or 1, of a finding's diameter.
     MoveEnd(usize, usize, EndAt),
-    /// Let the next distance be the diameter of a finding, or stop that.
-    MeasureFinding(usize),
-    /// Delete a finding, by its number.
-    DeleteFinding(usize),
+    /// Let the next distance be the diameter of a finding, by its number or the chosen one, or stop that.
+    MeasureFinding(Option<usize>),
+    /// Delete a finding, by its number or the chosen one.
+    DeleteFinding(Option<usize>),
     /// Make the pictures of the findings that have none.
     DrawFindings,
     /// Mark a finding outside the colon, at the place that all views show.
@@ -197,6 +197,8 @@ pub(crate) enum FindingOf {
     Candidate(usize),
     /// The measured lesion.
     Lesion,
+    /// What was measured: the lesion where lesions are measured by clicks, the last distance otherwise.
+    Measured,
     /// A distance, by its number.
     Distance(usize),
     /// A missed patch, by its number.

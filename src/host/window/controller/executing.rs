@@ -9,7 +9,7 @@ use crate::host::window::assistant::Assistant;
 use crate::host::window::contract::WindowView;
 use crate::host::window::document::Document;
 use crate::host::window::finding_tool::FindingTool;
-use crate::host::window::intent::{ActionContext, Intent, WhyNot};
+use crate::host::window::intent::{ActionContext, FindingOf, Intent, WhyNot};
 use crate::host::window::kinds::Kinds;
 use crate::host::window::measures::Measures;
 use crate::host::window::quality::QualityTool;
@@ -165,6 +165,10 @@ impl FlightController {
             I::Review => self.may_fly_itself().and_then(|()| self.may_see_missed()),
             I::Report => self.reporting.why_not().map_or(Ok(()), |why| Err(why.into())),
             I::SendReport(n) => self.reporting.why_not_sent(*n).map_or(Ok(()), |why| Err(why.into())),
+            I::Finding(FindingOf::Measured) if !self.has_measured() => Err("nothing is measured".into()),
+            I::MeasureFinding(None) | I::DeleteFinding(None) if self.chosen_finding().is_none() => {
+                Err("no finding is chosen".into())
+            }
             I::UndoAnswer if !self.document.may_undo_answers() => Err("no answer was changed".into()),
             I::Own(n) => self.own.why_not(*n, &self.flight).map_or(Ok(()), Err),
             _ => Ok(()),

@@ -21,35 +21,49 @@ use crate::space::first_crossing;
 const SEEN_MM: f64 = 0.5;
 /// Where the lumen is sought before a wall, mm.
 const BEFORE_MM: [f64; 4] = [1.0, 2.0, 3.0, 5.0];
+/// Places within this of each other are the same, mm: a file keeps no more digits.
+const AGAIN_MM: f64 = 1e-6;
 /// A candidate within this of where all views point is what is pointed at, mm.
 const SAME_MM: f64 = 0.5;
 
 impl FlightController {
     /// Marks a finding.
     pub(super) fn mark_finding(&mut self, of: FindingOf, now: Instant) {
-        let mut finding = match self.new_finding(of) {
-            Ok((mut finding, measured)) => {
-                if let Some(measured) = &measured {
-                    finding.measure(measured);
-                }
-                finding
-            }
+        let (mut finding, measured) = match self.new_finding(of) {
+            Ok(made) => made,
             Err(why) => return self.say(why, now),
         };
+        if let Some(id) = self.marked_at(&finding) {
+            self.say(format!("finding {id} is here already"), now);
+            return self.findings.choose(Some(id));
+        }
+        if let Some(measured) = &measured {
+            finding.measure(measured);
+        }
         finding.id = self.document.found().new_id();
         finding.view = self.view_of(finding.place);
         self.locate(&mut finding);
-        let (id, measures) = (finding.id.clone(), finding.ends.is_none());
+        let (id, place, measures) = (finding.id.clone(), finding.place, finding.ends.is_none());
         let told = format!("finding {id}{}", place_text(&finding));
         let kept = self.document.change_findings(None, |list| list.push(finding));
         self.report_kept(kept, now);
         self.findings.choose(Some(id.clone()));
-        self.findings.order(&id, measures);
+        self.findings.order(&id, place, measures);
         // It goes into the report.
         self.quality.want();
         let undo = self.actions.hint("undo", "undoes it");
         self.say(format!("{told}{undo}"), now);
         self.quiet = 0;
+    }
+
+    /// Returns the id of the finding that a new one would be again: at the same place, and with the same ends if those were measured.
+    fn marked_at(&self, new: &Finding) -> Option<String> {
+        let is_again = |f: &&Finding| {
+            let ends = || f.ends.into_iter().flatten().zip(new.ends.into_iter().flatten());
+            f.place.distance(new.place) < AGAIN_MM
+                && (new.ends.is_none() || f.ends.is_some() && ends().all(|(a, b)| a.distance(b) < AGAIN_MM))
+        };
+        self.document.found().findings.iter().find(is_again).map(|f| f.id.clone())
     }
 
     /// Returns a finding without a name, and its measures if they are known. The error states why there is none.
@@ -79,6 +93,10 @@ impl FlightController {
                 Some(Ok(m)) => Ok((at(m.lesion.position), Some(m.clone()))),
                 _ => Err("no lesion is measured".to_owned()),
             },
+            FindingOf::Measured => match self.measures.list().len().checked_sub(1) {
+                Some(last) if !self.measures_lesions() => self.new_finding(FindingOf::Distance(last)),
+                _ => self.new_finding(FindingOf::Lesion),
+            },
             FindingOf::Distance(n) => {
                 let m = self.measures.list().get(n).ok_or("there is no such distance")?;
                 let middle = m.from.midpoint(m.to);
@@ -91,6 +109,11 @@ impl FlightController {
                 Ok((on_wall(patch.position).unwrap_or_else(|| at(patch.position)), None))
             }
         }
+    }
+
+    /// True if there is a distance or a measured lesion.
+    pub(super) fn has_measured(&self) -> bool {
+        !self.measures.list().is_empty() || self.assistant().is_some_and(|a| a.measured().is_some())
     }
 
     /// True if the gas or the fluid before a place of a wall belongs to the colon, or may.
@@ -218,8 +241,14 @@ impl FlightController {
         let (Some(to), Some((id, Some(mut ends)))) = (to, finding.map(|f| (f.id.clone(), f.ends))) else { return };
         ends[which.min(1)] = to;
         self.findings.choose(Some(id.clone()));
-        let kept = self.document.change_findings(Some(Stroke::Ends(id)), |list| {
+        // However many steps a drag has, it is one correction.
+        let stroke = Stroke::Ends(id);
+        let before = self.document.before(&stroke).and_then(|list| list.get(n)).cloned();
+        let kept = self.document.change_findings(Some(stroke), |list| {
             if let Some(f) = list.get_mut(n) {
+                if let Some(before) = before {
+                    *f = before;
+                }
                 f.correct(ends);
             }
         });
@@ -236,8 +265,14 @@ impl FlightController {
         true
     }
 
-    /// Lets the next distance be the diameter of a finding, or stops that.
-    pub(super) fn measure_finding(&mut self, n: usize, now: Instant) {
+    /// Returns the number of the chosen finding.
+    pub(super) fn chosen_finding(&self) -> Option<usize> {
+        self.findings.current(&self.document.found().findings)
+    }
+
+    /// Lets the next distance be the diameter of a finding, by its number or the chosen one, or stops that.
+    pub(super) fn measure_finding(&mut self, n: Option<usize>, now: Instant) {
+        let Some(n) = n.or_else(|| self.chosen_finding()) else { return };
         let Some(id) = self.document.found().findings.get(n).map(|f| f.id.clone()) else { return };
         self.findings.choose(Some(id));
         self.findings.takes_distance = !self.findings.takes_distance;
@@ -246,8 +281,9 @@ impl FlightController {
         }
     }
 
-    /// Deletes a finding, by its number.
-    pub(super) fn delete_finding(&mut self, n: usize, now: Instant) {
+    /// Deletes a finding, by its number or the chosen one.
+    pub(super) fn delete_finding(&mut self, n: Option<usize>, now: Instant) {
+        let Some(n) = n.or_else(|| self.chosen_finding()) else { return };
         let Some(id) = self.document.found().findings.get(n).map(|f| f.id.clone()) else { return };
         let kept = self.document.change_findings(None, |list| _ = list.remove(n));
         self.report_kept(kept, now);
@@ -416,7 +452,7 @@ mod tests {
         assert!((list(&c)[0].diameter_mm.unwrap() - mm).abs() < 1e-6);
         // Deleted, brought back with all that is known of it, and unmarked.
         let whole = list(&c).to_vec();
-        wish(&mut c, Intent::DeleteFinding(0), now);
+        wish(&mut c, Intent::DeleteFinding(Some(0)), now);
         assert!(list(&c).is_empty() && list(&opened()).is_empty());
         perform(&mut c, "undo", now);
         assert_eq!(list(&c), whole);
@@ -463,13 +499,104 @@ mod tests {
         };
         until_along(&mut c, &mut now);
         let second = list(&c)[0].clone();
-        wish(&mut c, Intent::DeleteFinding(0), now);
+        wish(&mut c, Intent::DeleteFinding(Some(0)), now);
         mark(&mut c, a, now);
         until_made(&mut c, &mut now);
         until_along(&mut c, &mut now);
         perform(&mut c, "undo", now);
         perform(&mut c, "undo", now);
         assert_eq!(list(&c), [second]);
+    }
+
+    /// The background has not begun with it when it is deleted.
+    #[test]
+    fn a_finding_that_is_deleted_and_brought_back_is_measured() {
+        let settings = PhantomSettings { polyps: true, ..PhantomSettings::embedded(3) };
+        let (mut c, mut now) = (cockpit_of(phantom_flight(&settings), 0.0, Vec::new()), Instant::now());
+        trace(&mut c, now);
+        let polyps = shared(&settings).0.truth().polyps;
+        for polyp in [&polyps[4], &polyps[2]] {
+            wish(&mut c, Intent::Slice(SliceInput::Click(polyp.position)), now);
+            perform(&mut c, "finding", now);
+        }
+        assert_eq!(list(&c).len(), 2, "{:?}", c.hud(now).message);
+        perform(&mut c, "finding-delete", now);
+        until_made(&mut c, &mut now);
+        // What waits for a finding that is gone keeps nobody awake.
+        assert!(list(&c).len() == 1 && c.findings().next(list(&c), now).is_none());
+        perform(&mut c, "undo", now);
+        assert!(c.findings().next(list(&c), now).is_some() && !c.findings().lacks_pictures(list(&c)));
+        until_made(&mut c, &mut now);
+        assert!(list(&c).iter().all(|f| f.diameter_mm.is_some()), "{:?}", list(&c));
+    }
+
+    #[test]
+    fn the_same_place_is_no_second_finding() {
+        let (mut c, now) = (controller("tentacles"), Instant::now());
+        trace(&mut c, now);
+        let point = |c: &mut FlightController, y: f64| {
+            wish(c, Intent::Slice(SliceInput::Click(DVec3::new(5.0, y, 12.0))), now);
+        };
+        perform(&mut c, "finding", now);
+        for y in [30.0, 40.0] {
+            point(&mut c, y);
+            perform(&mut c, "finding", now);
+        }
+        let before = list(&c).to_vec();
+        assert_eq!(before.len(), 3, "{:?}", c.hud(now).message);
+        for (y, n) in [(40.0, 2), (30.0, 1), (40.0, 2)] {
+            point(&mut c, y);
+            perform(&mut c, "finding", now);
+            let told = c.hud(now).message.unwrap();
+            assert_eq!((c.chosen_finding(), told), (Some(n), format!("finding {} is here already", n + 1)));
+        }
+        // A distance whose middle is there is another finding, and the same distance is not.
+        let middle = before[2].place;
+        c.measure_between(middle - DVec3::Y * 3.0, middle + DVec3::Y * 3.0);
+        for _ in 0..2 {
+            perform(&mut c, "finding-measured", now);
+            assert_eq!((list(&c).len(), list(&c)[3].diameter_mm), (4, Some(6.0)));
+        }
+        assert_eq!(list(&c)[..3], before);
+        // Once it is deleted, the place is free. Without a chosen one, nothing is deleted.
+        for _ in 0..2 {
+            perform(&mut c, "finding-delete", now);
+            assert_eq!(list(&c), before);
+        }
+        point(&mut c, 40.0);
+        perform(&mut c, "finding", now);
+        perform(&mut c, "finding-delete", now);
+        perform(&mut c, "finding", now);
+        assert_eq!((list(&c).len(), list(&c)[2].place), (3, middle));
+    }
+
+    /// A drag that goes far and comes back is a small correction, whatever its steps.
+    #[test]
+    fn a_drag_counts_from_where_it_began() {
+        let (mut c, now) = (controller("tentacles"), Instant::now());
+        trace(&mut c, now);
+        let ends = [DVec3::new(6.0, 40.0, 12.0), DVec3::new(6.0, 50.0, 12.0)];
+        c.measure_between(ends[0], ends[1]);
+        perform(&mut c, "finding-measured", now);
+        let add = |f: &mut Finding| (f.height_mm, f.morphology) = (Some(4.0), Some(Morphology::Pedunculated));
+        let place = list(&c)[0].place;
+        c.document.complete("1", place, add).unwrap();
+        let mut drag = |mm: f64, which: usize| {
+            let to = if which == 1 { ends[0] + DVec3::Y * mm } else { ends[1] - DVec3::Y * mm };
+            wish(&mut c, Intent::MoveEnd(0, which, EndAt::World(to)), now);
+            let f = &list(&c)[0];
+            (f.diameter_mm.unwrap(), f.height_mm, f.morphology)
+        };
+        let pedunculated = Some(Morphology::Pedunculated);
+        assert_eq!(drag(12.0, 1), (12.0, Some(4.0), pedunculated));
+        assert_eq!(drag(13.0, 1), (13.0, Some(4.0), pedunculated));
+        assert_eq!(drag(14.0, 1), (14.0, None, pedunculated));
+        assert_eq!(drag(31.0, 1), (31.0, None, Some(Morphology::Mass)));
+        assert_eq!(drag(10.0, 1), (10.0, Some(4.0), pedunculated));
+        // The other end goes on from there.
+        assert_eq!(drag(9.0, 0), (9.0, Some(4.0), pedunculated));
+        perform(&mut c, "undo", now);
+        assert_eq!(list(&c)[0].ends, Some(ends));
     }
 
     #[test]
@@ -487,7 +614,7 @@ mod tests {
         assert_eq!((finding.id.as_str(), finding.diameter_mm, finding.ends), ("2", Some(7.0), Some(ends)));
         assert!(finding.normal.unwrap().x > 0.9 && (finding.place.x - 5.5).abs() < 0.6, "{finding:?}");
         // The next distance is the diameter of the chosen one, and no distance.
-        wish(&mut c, Intent::MeasureFinding(1), now);
+        wish(&mut c, Intent::MeasureFinding(Some(1)), now);
         for y in [30.0, 33.0] {
             wish(&mut c, Intent::Slice(SliceInput::Click(DVec3::new(6.0, y, 12.0))), now);
         }

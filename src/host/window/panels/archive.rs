@@ -83,6 +83,16 @@ impl ArchiveList {
         Self { words, found: Some(Ok(found)), ..self }
     }
 
+    #[cfg(test)]
+    pub(super) fn patient(&self) -> &str {
+        &self.words.patient
+    }
+
+    #[cfg(test)]
+    pub(super) fn failed(&self) -> Option<&str> {
+        self.failed.as_deref()
+    }
+
     /// Lays out the archives, if the settings name any. Returns the folder of a series that is fetched.
     pub(super) fn ui(&mut self, ui: &mut Ui) -> Option<PathBuf> {
         let known = self.known.get_or_insert_with(archives::known_or_told);

@@ -24,6 +24,8 @@ const OUTSIDE_ROW: f32 = 24.0;
 /// Radius of a mark, points. A pointer nearer than this to an end of a diameter drags it.
 const MARK: f32 = 6.0;
 const REACH: f32 = 8.0;
+/// Half the size of the cross at an end of a diameter in a picture, points.
+const END: f32 = 3.0;
 /// Colour of findings: unlike candidates, distances, the crosshair and the camera.
 const COLOUR: Color32 = Color32::from_rgb(255, 120, 200);
 /// Longest text that is taken, characters.
@@ -148,7 +150,7 @@ impl FindingsPanel {
                 requests.ask(Intent::VisitFinding(n));
             }
             if ui.button("Delete").clicked() {
-                requests.ask(Intent::DeleteFinding(n));
+                requests.ask(Intent::DeleteFinding(Some(n)));
             }
         });
         ui.label(RichText::new(place(finding)).color(SOFT));
@@ -166,7 +168,7 @@ impl FindingsPanel {
             let button = egui::Button::new("Measure by hand").selected(waits);
             let tip = "click both ends of its largest diameter, in the flight or in a slice";
             if ui.add(button).on_hover_text(tip).clicked() {
-                requests.ask(Intent::MeasureFinding(n));
+                requests.ask(Intent::MeasureFinding(Some(n)));
             }
         });
         if finding.ends.is_some() {
@@ -237,6 +239,10 @@ impl FindingsPanel {
                 };
                 let p = ui.painter_at(rect);
                 p.image(texture, rect, Rect::from_min_max(Pos2::ZERO, pos2(1.0, 1.0)), Color32::WHITE);
+                let scale = side / picture.side as f32;
+                for [x, y] in picture.ends.into_iter().flatten() {
+                    end(&p, rect.min + scale * vec2(x as f32, y as f32));
+                }
                 if let Some([left, right, top, bottom]) = &picture.edges {
                     let inner = rect.shrink(3.0);
                     for (at, align, letter) in [
@@ -364,6 +370,15 @@ pub fn draw(context: &Context<'_>, p: &Painter, view: &Marking<'_>) {
                 at + vec2(0.0, -MARK - 2.0),
                 if outside.category.is_empty() { "outside" } else { &outside.category },
             );
+        }
+    }
+}
+
+/// Marks an end of a diameter in a picture with a cross, as the report does. A line between the ends would hide what it measures.
+fn end(p: &Painter, at: Pos2) {
+    for (colour, width) in [(Color32::BLACK, 3.5), (COLOUR, 1.6)] {
+        for arm in [vec2(END, 0.0), vec2(0.0, END)] {
+            p.line_segment([at - arm, at + arm], Stroke::new(width, colour));
         }
     }
 }

@@ -94,6 +94,11 @@ impl FileList {
         Self { archive, ..self }
     }
 
+    #[cfg(all(test, feature = "dicom"))]
+    pub(super) fn archive(&self) -> &ArchiveList {
+        &self.archive
+    }
+
     /// Adds the known series of a study.
     #[cfg(test)]
     pub(super) fn with_series(self, series: SeriesList) -> Self {

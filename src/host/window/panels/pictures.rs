@@ -464,6 +464,34 @@ fn the_studies_of_an_archive_look_as_they_did() {
         Panel::ui(&mut panel, &context, ui, requests);
     });
     hold("open-archive", &picture);
+    // What is typed goes into the field that was clicked on, until a series is: the keys are the window's then.
+    let mut after = |events: Vec<Event>| {
+        stage.lay_out(events, &mut |context, ui, requests| {
+            let context = Context::new(context.view, context.actions, context.recent, context.hud);
+            Panel::ui(&mut panel, &context, ui, requests);
+        });
+        let egui = stage.interface.egui();
+        let is_taken = egui.text_edit_focused() || egui.egui_wants_keyboard_input();
+        (is_taken, panel.archive().patient().to_owned(), panel.archive().failed().map(str::to_owned))
+    };
+    let click = |(x, y): (f32, f32)| {
+        let (pos, modifiers) = (Pos2::new(x, y), Modifiers::NONE);
+        let press = |pressed| Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers };
+        [Event::PointerMoved(pos), press(true), press(false)].map(|event| vec![event])
+    };
+    let (field, series) = ((130.0, 30.0), (60.0, 96.0));
+    let patient = || "mill".to_owned();
+    let clicked = click(field).map(&mut after);
+    assert_eq!(clicked[2], (true, patient(), None));
+    // This one has no UID: the fields stay, with why it is not fetched.
+    let [.., (is_taken, _, failed)] = click(series).map(&mut after);
+    assert!(!is_taken && failed.is_some_and(|why| why.contains("UID")), "the click chooses no series");
+    let typed = || vec![Event::Text("x".to_owned())];
+    assert_eq!(after(typed()).1, patient());
+    for events in click(field) {
+        after(events);
+    }
+    assert!(after(typed()).1.contains('x'));
 }
 
 /// An example listing of a folder.
