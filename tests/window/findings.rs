@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::*;
 
 /// A screen on which the wall beside the camera is some pixels away in each slice.
-pub(crate) const LARGE: (u32, u32) = (1280, 800);
+const LARGE: (u32, u32) = (1280, 800);
 
 /// Writes a phantom that has everything that a reader meets.
 pub(crate) fn write_phantom(folder: &Path, name: &str) {

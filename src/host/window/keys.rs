@@ -16,7 +16,7 @@ pub(crate) struct Chord {
 }
 
 /// Keys other than characters, by their names in settings and help.
-const NAMES: [(&str, NamedKey); 21] = [
+const NAMES: [(&str, NamedKey); 26] = [
     ("Space", NamedKey::Space),
     ("Up", NamedKey::ArrowUp),
     ("Down", NamedKey::ArrowDown),
@@ -36,6 +36,11 @@ const NAMES: [(&str, NamedKey); 21] = [
     ("F3", NamedKey::F3),
     ("F4", NamedKey::F4),
     ("F5", NamedKey::F5),
+    ("F6", NamedKey::F6),
+    ("F7", NamedKey::F7),
+    ("F8", NamedKey::F8),
+    ("F9", NamedKey::F9),
+    ("F10", NamedKey::F10),
     ("F11", NamedKey::F11),
     ("F12", NamedKey::F12),
 ];

@@ -238,9 +238,9 @@ fn quit(ui: &Ui, why: &str, keeps: bool) -> Answer {
         ui.heading("Quit?");
         ui.label(why);
         match keeps {
-            true => ui.label(RichText::new("Answers, distances and the place are kept.").color(SOFT)),
+            true => ui.label(RichText::new("Findings, answers, distances and the place are kept.").color(SOFT)),
             false => {
-                let told = "Answers, distances and kinds that you made here are lost.";
+                let told = "Findings, answers, distances and kinds that you made here are lost.";
                 ui.label(RichText::new(told).color(Severity::Notice.colour()))
             }
         };

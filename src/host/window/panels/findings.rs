@@ -25,7 +25,7 @@ const OUTSIDE_ROW: f32 = 24.0;
 const MARK: f32 = 6.0;
 const REACH: f32 = 8.0;
 /// Half the size of the cross at an end of a diameter in a picture, points.
-const END: f32 = 3.0;
+const END: f32 = 4.0;
 /// Colour of findings: unlike candidates, distances, the crosshair and the camera.
 const COLOUR: Color32 = Color32::from_rgb(255, 120, 200);
 /// Longest text that is taken, characters.

@@ -5,6 +5,7 @@ use glam::DVec3;
 
 use super::{Context, Panel, PanelEntry, Requests};
 use crate::host::window::intent::{FindingOf, Intent};
+use crate::host::window::measures::Measure;
 use crate::host::window::style::{INK, SOFT, TEXT, text};
 
 /// Its entry in the table.
@@ -57,7 +58,9 @@ impl Panel for MeasuresPanel {
 /// Draws the measures into a view. `find` returns the position of a point (world, mm) in the view, if it is visible.
 pub fn draw(context: &Context<'_>, p: &Painter, find: impl Fn(DVec3) -> Option<Pos2>) {
     let measures = context.measures();
-    for (n, m) in measures.list().iter().enumerate() {
+    // That of a finding is drawn as its diameter.
+    let is_diameter = |m: &&Measure| context.found().findings.iter().any(|f| f.ends == Some((**m).into()));
+    for (n, m) in measures.list().iter().enumerate().filter(|(_, m)| !is_diameter(m)) {
         let ends = [m.from, m.to].map(&find);
         for end in ends.into_iter().flatten() {
             mark(p, end);
@@ -94,7 +97,8 @@ mod tests {
     use crate::host::settings::KeySettings;
     use crate::host::window::action::Actions;
     use crate::host::window::contract::WindowView;
-    use crate::host::window::controller::tests::{controller, perform};
+    use crate::host::window::controller::FlightController;
+    use crate::host::window::controller::tests::{controller, perform, wish};
     use crate::host::window::intent::SliceInput;
     use crate::host::window::overlay::HudState;
 
@@ -108,15 +112,17 @@ mod tests {
             c.slice(SliceInput::Click(DVec3::from_array(place)), now);
         }
         let hud = HudState::default();
-        let context = Context::new(&c, &actions, &[], &hud);
         let area = Rect::from_min_size(Pos2::ZERO, vec2(200.0, 100.0));
         let input = RawInput { screen_rect: Some(area), ..RawInput::default() };
-        let output = egui::Context::default().run_ui(input, |ui| {
-            let p = ui.ctx().layer_painter(LayerId::background());
-            draw(&context, &p, |place| (place.z < 5.0).then(|| pos2(place.x as f32, place.y as f32)));
-        });
+        let drawn = |c: &FlightController| {
+            egui::Context::default().run_ui(input.clone(), |ui| {
+                let p = ui.ctx().layer_painter(LayerId::background());
+                let find = |place: DVec3| (place.z < 5.0).then(|| pos2(place.x as f32, place.y as f32));
+                draw(&Context::new(c, &actions, &[], &hud), &p, find);
+            })
+        };
         let (mut lines, mut texts, mut rings) = (Vec::new(), Vec::new(), Vec::new());
-        for shape in output.shapes {
+        for shape in drawn(&c).shapes {
             match shape.shape {
                 Shape::LineSegment { points, stroke } => lines.push((points, stroke.color)),
                 Shape::Text(text) => texts.push(text.galley.text().to_owned()),
@@ -129,5 +135,8 @@ mod tests {
         assert_eq!(texts, ["1: 5.0 mm"]);
         let marked = [ends[0], ends[1], pos2(80.0, 50.0), pos2(120.0, 70.0)];
         assert_eq!(rings, marked.map(|at| [(at, Color32::BLACK), (at, COLOUR)]).concat());
+        // The diameter of a finding is drawn with that.
+        wish(&mut c, Intent::Finding(FindingOf::Distance(0)), now);
+        assert!(drawn(&c).shapes.iter().all(|s| !matches!(s.shape, Shape::LineSegment { .. })));
     }
 }

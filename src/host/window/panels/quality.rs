@@ -33,7 +33,7 @@ impl Panel for QualityPanel {
         }
         let here = context.view.segment_here();
         ScrollArea::both().auto_shrink([false, true]).show(ui, |ui| {
-            Grid::new("quality").striped(true).min_col_width(24.0).spacing([8.0, 4.0]).show(ui, |ui| {
+            Grid::new("quality").striped(true).min_col_width(24.0).spacing([6.0, 4.0]).show(ui, |ui| {
                 let tips = [
                     ("", ""),
                     ("time", "how long it was looked at"),
@@ -42,7 +42,7 @@ impl Panel for QualityPanel {
                     ("least", "least caliber, mm; 0 where it is collapsed"),
                     ("tag", "share of the wall under tagged fluid or stool"),
                     ("residue", "tissue or untagged stool that touches no wall, ml"),
-                    ("length", "mm along the colon"),
+                    ("mm", "length along the colon, mm"),
                 ];
                 for (name, tip) in tips {
                     ui.label(RichText::new(name).color(SOFT)).on_hover_text(tip);
