@@ -23,6 +23,7 @@ use support::xvfb;
 #[cfg(feature = "dicom")]
 mod archive;
 mod findings;
+#[cfg(feature = "dicom")]
 mod sitting;
 
 #[path = "../support"]
@@ -38,6 +39,7 @@ mod support {
     pub(crate) mod program;
     #[cfg(feature = "dicom")]
     pub(crate) mod scan_study;
+    #[cfg(feature = "dicom")]
     pub(crate) mod scans;
     pub(crate) mod skips;
     pub(crate) mod xvfb;
