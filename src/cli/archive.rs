@@ -55,7 +55,9 @@ pub(super) fn run(args: &ArchiveArgs, global: &Global, progress: &Progress) -> R
         ArchiveAction::Send => {
             let first = args.names.first().and_then(|n| n.to_str());
             let named = first.is_some_and(|name| known.iter().any(|a| a.name == name));
-            let (name, files) = args.names.split_at(usize::from(named));
+            // What is no file either was meant as a name.
+            let is_name = named || args.names.len() > 1 && args.names.first().is_some_and(|n| !n.exists());
+            let (name, files) = args.names.split_at(usize::from(is_name));
             let archive = only(name, &known, &file)?;
             if files.is_empty() {
                 return Err(Error::usage("archive send", "no file is named", "name DICOM files, or folders of them"));

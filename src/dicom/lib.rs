@@ -6,4 +6,4 @@ pub mod archive;
 pub mod objects;
 mod text;
 
-pub use text::is_uid;
+pub use text::{day, is_uid, person};

@@ -148,6 +148,20 @@ pub fn is_uid(text: &str) -> bool {
     text.len() <= 64 && text.split('.').all(is_number)
 }
 
+/// Returns a name as people write it; `Doe^Jane` is "Doe, Jane".
+pub fn person(name: &str) -> String {
+    let form = name.split('=').find(|form| !form.is_empty()).unwrap_or_default();
+    form.split('^').map(str::trim).filter(|p| !p.is_empty()).collect::<Vec<_>>().join(", ")
+}
+
+/// Returns a day as "2026-01-31".
+pub fn day(date: &str) -> String {
+    match (date.get(..4), date.get(4..6), date.get(6..8)) {
+        (Some(year), Some(month), Some(day)) => format!("{year}-{month}-{day}"),
+        _ => date.to_owned(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -200,5 +214,14 @@ mod tests {
             assert_eq!(is_uid(uid), good, "{uid}");
         }
         assert!(is_uid(&"1".repeat(64)) && !is_uid(&"1".repeat(65)));
+    }
+
+    #[test]
+    fn names_and_days_are_written_as_people_do() {
+        assert_eq!(
+            (person("Doe^Jane^^Dr="), person("=山田^太郎")),
+            ("Doe, Jane, Dr".to_owned(), "山田, 太郎".to_owned())
+        );
+        assert_eq!((day("20260131"), day("?")), ("2026-01-31".to_owned(), "?".to_owned()));
     }
 }

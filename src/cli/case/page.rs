@@ -57,20 +57,12 @@ pub(super) fn html(case: &Case) -> Result<String> {
 /// Returns patient and study in words; `None` if they are not known or must not be written.
 #[cfg(feature = "dicom")]
 fn whose(case: &Case) -> Option<String> {
+    use crate::dicom::{day, person};
     use crate::volume::io::identity as tags;
     let study = Some(&case.study).filter(|study| !study.is_anonymous())?;
     let of = |tag| study.text(tag).filter(|text| !text.is_empty());
-    // The first of a name's forms, in other letters, and its parts.
-    let name = of(tags::PATIENT_NAME).and_then(|name| {
-        let parts = name.split('=').find(|form| !form.is_empty())?.split('^').map(str::trim).filter(|p| !p.is_empty());
-        Some(parts.collect::<Vec<_>>().join(", "))
-    });
-    let day = |text: &str| match (text.get(..4), text.get(4..6), text.get(6..8)) {
-        (Some(year), Some(month), Some(day)) => format!("{year}-{month}-{day}"),
-        _ => text.to_owned(),
-    };
     let parts = [
-        name,
+        of(tags::PATIENT_NAME).map(person),
         of(tags::PATIENT_ID).map(|id| format!("number {id}")),
         of(tags::BIRTH_DATE).map(|date| format!("born {}", day(date))),
         of(tags::SEX).map(str::to_owned),

@@ -8,6 +8,7 @@ use egui::{CollapsingHeader, ComboBox, RichText, TextEdit, Ui};
 
 use crate::dicom::archive::{Archive, Found, Got, Query, Series, Study};
 use crate::dicom::is_uid;
+use crate::dicom::{day, person};
 use crate::error::{Error, Result};
 use crate::host::archives;
 use crate::host::folders::Folder;
@@ -249,20 +250,6 @@ fn named(study: &Study, series: &Series) -> String {
     parts.into_iter().filter(|p| !p.is_empty()).collect::<Vec<_>>().join(", ")
 }
 
-/// Returns a name as people write it; `Doe^Jane` is "Doe, Jane".
-fn person(name: &str) -> String {
-    let form = name.split('=').find(|form| !form.is_empty()).unwrap_or_default();
-    form.split('^').map(str::trim).filter(|p| !p.is_empty()).collect::<Vec<_>>().join(", ")
-}
-
-/// Returns a day as "2026-01-31".
-fn day(date: &str) -> String {
-    match (date.get(..4), date.get(4..6), date.get(6..8)) {
-        (Some(year), Some(month), Some(day)) => format!("{year}-{month}-{day}"),
-        _ => date.to_owned(),
-    }
-}
-
 /// Lays out what was found. Returns the numbers of the study and the series that were chosen.
 fn list(found: &Found, ui: &mut Ui) -> Option<(usize, usize)> {
     let mut chosen = None;
@@ -316,9 +303,5 @@ mod tests {
         for uid in ["..", "1..2", "", "1.2/../3", "a.b", &"1".repeat(65)] {
             assert!(folder(uid).is_err(), "{uid}");
         }
-        assert_eq!(
-            (person("Doe^Jane^^Dr="), day("20260131"), day("?")),
-            ("Doe, Jane, Dr".into(), "2026-01-31".into(), "?".into())
-        );
     }
 }
