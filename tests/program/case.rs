@@ -130,6 +130,15 @@ fn a_reading_becomes_a_page_and_files_for_other_programs() {
     assert!(head.contains("Segment0_Name:=rectum\n") && head.contains("Segment7_Name:=cecum\n"), "{head}");
     judged_by_another_reader(&out.join("lumen.seg.nrrd"), labels.data().iter().map(|l| i64::from(*l)).sum());
 
+    // A scan that nobody has read says so.
+    assert!(!html.contains("No reading is noted"));
+    let unread = json!({ "version": 1, "scan": given["scan"], "findings": [] }).to_string();
+    std::fs::write(case.path("findings.json"), unread).unwrap();
+    case.case(&[], 0);
+    assert!(std::fs::read_to_string(out.join("report.html")).unwrap().contains("No reading is noted"));
+    std::fs::write(case.path("findings.json"), given.to_string()).unwrap();
+    case.case(&[], 0);
+
     // The same again, byte by byte, and in another scheme.
     let before: Vec<Vec<u8>> = files(&out);
     case.case(&["--threads", "1"], 0);

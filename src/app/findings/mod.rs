@@ -72,6 +72,12 @@ impl Findings {
         self
     }
 
+    /// True if something was read: there is a finding, or a coverage or a time of a segment is noted.
+    pub fn tells_a_reading(&self) -> bool {
+        let is_read = |q: &Quality| q.coverage.is_some() || q.seconds > 0.0;
+        !self.findings.is_empty() || !self.outside.is_empty() || self.quality.iter().any(is_read)
+    }
+
     /// Returns an id that no finding has.
     pub fn new_id(&self) -> String {
         let numbers = self.findings.iter().filter_map(|f| f.id.parse::<u64>().ok());

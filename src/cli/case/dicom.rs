@@ -8,6 +8,7 @@ use glam::DVec3;
 
 use super::Case;
 use super::outputs::Outputs;
+use super::page::UNREAD;
 use super::segments::Segments;
 use crate::app::findings::{Finding, FindingPicture, Morphology, Outside, Tissue};
 use crate::dicom::objects::{
@@ -233,8 +234,13 @@ fn root(case: &Case, ids: &Ids<'_>) -> Node {
     if !draft.unmeasured.is_empty() {
         let _ = write!(words, " Not counted, because without a diameter: {}.", draft.unmeasured.join(", "));
     }
+    let is_read = case.findings.tells_a_reading();
+    if !is_read {
+        let _ = write!(words, " {UNREAD}");
+    }
     // A code would be taken for the last word.
-    let code = assessment(&case.scheme.name, &draft.category).filter(|_| draft.unmeasured.is_empty());
+    let is_whole = is_read && draft.unmeasured.is_empty();
+    let code = assessment(&case.scheme.name, &draft.category).filter(|_| is_whole);
     let code = code.map(|c| Node::new(Code::new("111005", "DCM", "Assessment Category"), Content::Code(c)));
     let beside = case.scheme.outside(&case.findings.outside);
     let beside = beside.map(|c| text(COMMENT, &format!("Outside the colon: {}, {}, as entered", c.name, c.says)));

@@ -18,6 +18,10 @@ const STYLE: &str = include_str!("page.css");
 const CAUTION: &str =
     "Research software. Not for diagnosis. The category is a draft that follows from what was entered.";
 
+/// What is said of a scan whose findings are none, and were perhaps not looked for.
+pub(super) const UNREAD: &str =
+    "No reading is noted: the findings tell neither what was seen nor for how long it was looked at.";
+
 /// Returns the page.
 pub(super) fn html(case: &Case) -> Result<String> {
     let mut out = String::new();
@@ -99,6 +103,9 @@ fn category(case: &Case, out: &mut String) {
             "<p class=\"bad\">Not counted, because without a diameter: {}.</p>",
             escape(&draft.unmeasured.join(", "))
         );
+    }
+    if !findings.tells_a_reading() {
+        let _ = write!(out, "<p class=\"bad\">{UNREAD}</p>");
     }
     match scheme.outside(&findings.outside) {
         Some(c) => _ = write!(out, "<p><strong>{}</strong> {}, as entered.</p>", escape(&c.name), escape(&c.says)),
