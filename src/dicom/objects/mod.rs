@@ -1,7 +1,7 @@
 //! Objects that are written: reports, segmentations and captures.
 //!
 //! Each is a file of PS3.10 in explicit little endian, with texts in UTF-8. Places are world mm, LPS, which is the patient's frame of
-//! DICOM. [`Study`] says whose they are: nobody's, or that of the scan's headers.
+//! DICOM. [`Study`] is what they belong to: an anonymous one, or that of the headers.
 
 mod capture;
 mod report;

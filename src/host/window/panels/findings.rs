@@ -6,6 +6,8 @@ use std::sync::{Arc, Weak};
 use egui::{Align2, Color32, ColorImage, ComboBox, FontId, Painter, Pos2, Rect, RichText, ScrollArea, Slider, Stroke};
 use egui::{TextEdit, TextureHandle, TextureOptions, Ui, pos2, vec2};
 
+use glam::DVec3;
+
 use super::candidates::Marking;
 use super::{Context, Panel, PanelEntry, Requests, rows};
 use crate::app::findings::{Finding, FindingPicture, Morphology, Outside, Tissue};
@@ -26,6 +28,8 @@ const MARK: f32 = 6.0;
 const REACH: f32 = 8.0;
 /// Half the size of the cross at an end of a diameter in a picture, points.
 const END: f32 = 4.0;
+/// The tissue of a lesion ends so far within its surface at most, mm: 0.42 times the blur of a scan, with room for noise.
+const EDGE_MM: f64 = 0.6;
 /// Colour of findings: unlike candidates, distances, the crosshair and the camera.
 const COLOUR: Color32 = Color32::from_rgb(255, 120, 200);
 /// Longest text that is taken, characters.
@@ -308,9 +312,15 @@ fn place(finding: &Finding) -> String {
     if parts.is_empty() { "place along the colon unknown".to_owned() } else { parts.join(", ") }
 }
 
+/// Returns the ends of a diameter where the surface is that is seen: that of the tissue ends within it.
+fn at_surface(ends: [DVec3; 2]) -> [DVec3; 2] {
+    let apart = (ends[1] - ends[0]).normalize_or_zero() * EDGE_MM;
+    [ends[0] - apart, ends[1] + apart]
+}
+
 /// True if any point of a finding is visible: its ends are on the wall beside it, and may be hidden by it.
 fn is_visible(finding: &Finding, view: &Marking<'_>) -> bool {
-    let points = [finding.place].into_iter().chain(finding.ends.into_iter().flatten());
+    let points = [finding.place].into_iter().chain(finding.ends.into_iter().flat_map(at_surface));
     points.into_iter().any(|at| (view.find)(at).is_some())
 }
 
