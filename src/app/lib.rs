@@ -12,6 +12,7 @@ pub mod findings;
 #[doc(hidden)]
 pub mod flight;
 pub(crate) mod flight_fields;
+pub mod graft;
 mod images;
 mod lines;
 #[doc(hidden)]
@@ -37,8 +38,14 @@ pub use scene::{Scene, SceneOptions, Steering};
 pub use timings::Timings;
 
 #[cfg(test)]
+#[path = "../../tests/support/scans.rs"]
+mod scans;
+#[cfg(test)]
 #[path = "../../tests/support/shared.rs"]
 mod shared;
+#[cfg(test)]
+#[path = "../../tests/support/skips.rs"]
+mod skips;
 
 // The examples in the docs name this crate as `colvis` does.
 #[doc(hidden)]

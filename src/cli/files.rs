@@ -52,7 +52,9 @@ impl Files {
                 none().reads(a.names.iter().filter(|_| !is_get)).writes(&a.out)
             }
             Some(Command::Measure(a)) => none().reads([&a.input]).writes(&a.out).writes(&a.stats),
-            Some(Command::Phantom(a)) => none().writes([&a.out]).writes(&a.twin).writes(&a.labels).writes(&a.truth),
+            Some(Command::Phantom(a)) => {
+                none().reads(&a.into).writes([&a.out]).writes(&a.twin).writes(&a.labels).writes(&a.truth)
+            }
             Some(Command::Info(a)) => none().reads([&a.input]),
             Some(Command::Plane(a)) => Self::plane(a),
             Some(Command::Report(a)) => none().reads(a.scan.iter().chain(&a.truth)).writes([&a.out]),

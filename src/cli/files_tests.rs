@@ -8,7 +8,7 @@ use crate::cli::Program;
 use crate::cli::args::{self, Args};
 
 /// Options with a file that is read, as `command option`; all others are written. `*` stands for `fly` and its kin.
-const READ: [&str; 25] = [
+const READ: [&str; 26] = [
     "* input",
     "* answers",
     "* replay",
@@ -32,6 +32,7 @@ const READ: [&str; 25] = [
     "info input",
     "plane lumen",
     "plane scene",
+    "phantom into",
     "report scan",
     "report truth",
 ];

@@ -1,8 +1,11 @@
 //! `colvis phantom`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use crate::app::{Timings, graft};
 use crate::cli::args::{Global, PhantomArgs, PhantomFeature, PhantomPosition, PhantomSize};
+use crate::cli::messages::say;
+use crate::cli::prepare;
 use crate::error::{Error, Result};
 use crate::output;
 use crate::phantom::{NOISE_HU, Phantom, PhantomSettings, Position, Scanner, Size};
@@ -16,6 +19,9 @@ pub(crate) fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> R
     let all: Vec<_> = volumes().chain(args.truth.as_deref()).chain(args.labels.as_deref()).collect();
     output::check_folders(&all)?;
     volumes().chain(args.labels.as_deref()).try_for_each(io::check_ending)?;
+    if let Some(scan) = &args.into {
+        return put_into(scan, args, global, progress);
+    }
     let has = |feature| args.with.contains(&feature);
     let scanner = Scanner { noise_hu: noise_hu(args)?, slice_mm: args.slice, ..Scanner::default() };
     let settings = PhantomSettings {
@@ -68,6 +74,30 @@ pub(crate) fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> R
         Some((path, truth)) => output::write_json(path, &truth),
         None => Ok(()),
     }
+}
+
+/// Number of lesions that are put into a scan if none is given.
+const LESIONS: u16 = 20;
+
+/// Puts lesions into a scan. Fails with status 2 for outputs that only a phantom has, 3 if it cannot be read, 4 if it has no colon to put them into or if cancelled, 5 if an
+/// output cannot be written.
+fn put_into(scan: &Path, args: &PhantomArgs, global: &Global, progress: &Progress) -> Result<()> {
+    for (option, path) in [("--labels", &args.labels), ("--twin", &args.twin)] {
+        if path.is_some() {
+            return Err(Error::usage(option, "is not known of a scan that lesions are put into", "leave it out"));
+        }
+    }
+    // Cleansing is the reader's: the scan keeps its tag.
+    let global = Global { cleanse: false, ..global.clone() };
+    let volume = prepare::load(scan, &global, &mut Timings::default(), progress)?;
+    let count = usize::from(args.lesions.unwrap_or(LESIONS));
+    let made = graft::graft(volume, global.seed.unwrap_or(1), count, progress)?;
+    let found_room = made.truth.polyps.len();
+    if found_room < count {
+        say(&format!("{found_room} of {count} lesions found room in this colon"));
+    }
+    io::save(&args.out, &made.volume, progress)?;
+    args.truth.as_ref().map_or(Ok(()), |path| output::write_json(path, &made.truth))
 }
 
 /// Returns the level of the noise, HU.

@@ -34,6 +34,12 @@ pub struct PhantomArgs {
     /// Also write the same colon without tagging and stool
     #[arg(long, value_name = "F.nii.gz")]
     pub twin: Option<PathBuf>,
+    /// Put lesions into this scan, instead of making a phantom: blurred as it is, with noise as it has
+    #[arg(long, value_name = "SCAN", conflicts_with_all = ["size", "with", "position", "slice", "noise"])]
+    pub into: Option<PathBuf>,
+    /// Number of lesions to put into the scan; fewer where there is no room [default: 20]
+    #[arg(long, value_name = "N", requires = "into", value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub lesions: Option<u16>,
 }
 
 /// The phantom's sizes.

@@ -56,7 +56,7 @@ pub struct TruePolyp {
     /// Centre of the head, world mm LPS. A flat polyp's is above the centre of its base by half its height.
     pub position: DVec3,
     /// Largest diameter of the head without a stalk, mm; of a flat polyp, the largest width of its base. It is that of the surface at the
-    /// wall's value: the tissue ends 0.42 times the blur within it, on each side.
+    /// wall's value: the tissue ends 0.42 times the blur within it, on each side. Of a polyp put into a scan it is that of the tissue.
     pub diameter_mm: f64,
     /// Shape.
     #[serde(default)]
@@ -73,6 +73,12 @@ pub struct TruePolyp {
     /// Volume of the tissue that it adds on the lumen's side, mm³.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub volume_mm3: Option<f64>,
+    /// True if tag sticks to it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub coated: bool,
+    /// Distance along a scan's centerline from its rectal end, mm, if it was put into a scan.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub along_mm: Option<f64>,
 }
 
 impl Phantom {

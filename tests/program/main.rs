@@ -15,6 +15,7 @@ mod doors;
 mod examples;
 mod extremes;
 mod glossary;
+mod into;
 mod layers;
 mod leftovers;
 mod outside;

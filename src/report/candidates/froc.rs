@@ -111,18 +111,10 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::phantom::{DecoyKind, PolypShape, PolypSite};
+    use crate::phantom::DecoyKind;
 
     fn polyp(x: f64, diameter_mm: f64) -> TruePolyp {
-        TruePolyp {
-            position: DVec3::new(x, 0.0, 0.0),
-            diameter_mm,
-            shape: PolypShape::Sessile,
-            site: PolypSite::Wall,
-            submerged: false,
-            height_mm: None,
-            volume_mm3: None,
-        }
+        TruePolyp { position: DVec3::new(x, 0.0, 0.0), diameter_mm, ..TruePolyp::default() }
     }
 
     fn candidate(x: f64, score: f64) -> Candidate {
