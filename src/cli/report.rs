@@ -93,12 +93,12 @@ fn one(
         }
         ReportSubject::Candidates => {
             let truth = args.truth.as_deref().map(candidates::read_truth).transpose()?;
-            let own = match args.scan.as_deref().zip(truth) {
-                Some((path, (polyps, decoys))) => {
+            let own = match args.scan.as_deref() {
+                Some(path) => {
                     // It is cleansed in any case, and not twice.
                     let global = Global { cleanse: false, ..global.clone() };
                     let (title, volume) = scan(path, &global, progress)?;
-                    Some(candidates::Own { title, volume, polyps, decoys })
+                    Some(candidates::Own { title, volume, truth })
                 }
                 None => None,
             };

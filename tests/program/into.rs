@@ -76,3 +76,19 @@ fn what_cannot_have_lesions_is_refused() {
     run(&["phantom", "--into", &at("none.nii.gz"), "--out", &out], 3);
     assert!(!Path::new(&out).exists());
 }
+
+#[test]
+#[ignore = "slow: a report on detectors"]
+fn a_report_on_a_scan_without_truth_puts_lesions_into_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let [scan, out] = ["p.nii.gz", "report"].map(at);
+    run(&["phantom", "--out", &scan, "--size", "small", "--with", "folds,noise", "--seed", "4"], 0);
+    run(&["report", "candidates", "--quick", "--out", &out, "--scan", &scan], 0);
+    let page = std::fs::read_to_string(Path::new(&out).join("report.html")).unwrap();
+    assert!(page.contains("upper bounds") && page.contains("Lesions put into p.nii.gz"), "{page}");
+    let rows = |name: &str| std::fs::read_to_string(Path::new(&out).join(name)).unwrap().lines().count();
+    for name in ["put-in-apart.csv", "put-in-taught.csv", "put-in-apart-candidates.csv"] {
+        assert!(rows(name) > 3, "{name}");
+    }
+}

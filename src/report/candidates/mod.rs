@@ -2,6 +2,7 @@
 
 mod froc;
 mod pages;
+mod put_in;
 
 use std::path::Path;
 
@@ -59,10 +60,19 @@ const FACTORS: [Factor; 3] = [
 /// Results of a detector on some scans.
 struct Measured {
     detector: &'static str,
+    /// How much of a scan each of them is, 0 to 1.
+    share: f64,
     /// Mean time beyond lumen and cleansing, s, and the largest memory, MB.
     seconds: f64,
     megabytes: Option<f64>,
     trials: Vec<Trial>,
+}
+
+impl Measured {
+    /// Returns the lowest score at which there are at most `per_scan` false positives per whole scan.
+    fn threshold(&self, per_scan: f64) -> f64 {
+        froc::threshold(&self.trials, per_scan * self.share)
+    }
 }
 
 /// The scans of one value of a factor.
@@ -73,16 +83,23 @@ struct Step {
     measured: Vec<Measured>,
 }
 
-/// The user's scan with its ground truth.
+/// The user's scan.
 pub struct Own {
     /// Its name in the tables.
     pub title: String,
     /// The scan.
     pub volume: Volume,
-    /// Its true polyps.
-    pub polyps: Vec<TruePolyp>,
-    /// Its decoys: structures that look like polyps.
-    pub decoys: Vec<TrueDecoy>,
+    /// Its true polyps, and its decoys: structures that look like polyps. Without them, lesions are put into it.
+    pub truth: Option<(Vec<TruePolyp>, Vec<TrueDecoy>)>,
+}
+
+/// A part of the page on the user's scan.
+struct Part {
+    /// Short name, for files.
+    name: &'static str,
+    title: String,
+    text: String,
+    measured: Vec<Measured>,
 }
 
 /// The parts of a truth file that are needed.
@@ -114,7 +131,7 @@ pub fn read_truth(path: &Path) -> Result<(Vec<TruePolyp>, Vec<TrueDecoy>)> {
     Ok((truth.polyps, truth.decoys))
 }
 
-/// Measures detectors on phantoms, and on a scan with its truth, and writes the report into `folder`. Returns the findings, one
+/// Measures detectors on phantoms, and on a scan with its truth or with lesions that are put into it, and writes the report into `folder`. Returns the findings, one
 /// sentence each.
 ///
 /// # Errors
@@ -141,13 +158,17 @@ pub fn report(
         }
     }
     let own = match own {
-        Some(Own { title, volume, polyps, decoys }) => {
+        Some(Own { title, volume, truth: Some((polyps, decoys)) }) => {
             let found = trials_of(volume, &polyps, &decoys, detectors, transfer, progress)?;
-            Some((title, collected(detectors, vec![found])))
+            let measured = collected(detectors, vec![found]);
+            vec![Part { name: "own", title, text: String::new(), measured }]
         }
-        None => None,
+        Some(Own { title, volume, truth: None }) => {
+            put_in::measured(&title, volume, effort, first, detectors, transfer, progress)?
+        }
+        None => Vec::new(),
     };
-    pages::write(&usual, &steps, own.as_ref(), first, folder)
+    pages::write(&usual, &steps, &own, first, folder)
 }
 
 /// Cost and result of one detector on one scan.
@@ -160,7 +181,7 @@ struct Run {
 fn collected(detectors: &[Detector], runs: Vec<Vec<Run>>) -> Vec<Measured> {
     let mut out: Vec<Measured> = detectors
         .iter()
-        .map(|d| Measured { detector: d.name, seconds: 0.0, megabytes: None, trials: Vec::new() })
+        .map(|d| Measured { detector: d.name, share: 1.0, seconds: 0.0, megabytes: None, trials: Vec::new() })
         .collect();
     let count = runs.len() as f64;
     for run in runs {

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::froc::{Is, Share, Trial, false_positives, threshold};
-use super::{FACTORS, Measured, Step};
+use super::froc::{Is, Share, Trial, false_positives};
+use super::{FACTORS, Measured, Part, Step};
 use crate::error::Result;
 use crate::phantom::{DecoyKind, PolypShape, PolypSite, TruePolyp};
 use crate::polyps::FEATURES;
@@ -40,6 +40,11 @@ fn is_due(p: &TruePolyp) -> bool {
     p.diameter_mm >= 6.0 && p.shape != PolypShape::Flat
 }
 
+/// True for a flat polyp that is high enough to be seen.
+fn is_raised(p: &TruePolyp) -> bool {
+    p.shape == PolypShape::Flat && p.height_mm.is_some_and(|h| h >= 2.0)
+}
+
 fn groups() -> Vec<Group> {
     let mut out: Vec<Group> = vec![("sessile and stalked of 6 mm or more".to_owned(), Box::new(is_due))];
     for (site, name) in SITES {
@@ -47,6 +52,7 @@ fn groups() -> Vec<Group> {
     }
     out.push(("… submerged".to_owned(), Box::new(|p| is_due(p) && p.submerged)));
     out.push(("… not submerged".to_owned(), Box::new(|p| is_due(p) && !p.submerged)));
+    out.push(("flat of 2 mm high or more".to_owned(), Box::new(is_raised)));
     for (shape, name) in SHAPES {
         for (least, most, size) in SIZES {
             let of = move |p: &TruePolyp| p.shape == shape && (least..most).contains(&p.diameter_mm);
@@ -60,7 +66,7 @@ fn groups() -> Vec<Group> {
 pub(super) fn write(
     usual: &[Measured],
     steps: &[Step],
-    own: Option<&(String, Vec<Measured>)>,
+    own: &[Part],
     first: u64,
     folder: &Path,
 ) -> Result<Vec<String>> {
@@ -72,7 +78,8 @@ pub(super) fn write(
          candidate, on a decoy or not, is a false positive. Intervals are 95 % Wilson intervals. All scans are synthetic: the figures say \
          nothing about patients.",
     ));
-    let findings = findings(usual);
+    let mut findings = findings(usual);
+    findings.extend(own.iter().filter(|p| p.name != "own").flat_map(put_in));
     page.findings(&findings);
     page.section("Sensitivity against false positives");
     page.plot("froc", &curves(usual), "Sessile and stalked polyps of 6 mm or more. Lower and further left is better.")?;
@@ -86,10 +93,14 @@ pub(super) fn write(
         page.section(&format!("Effect of {}", factor.name));
         page.table(&format!("by-{}", factor.name), &by_factor(usual, steps, factor.name))?;
     }
-    if let Some((title, measured)) = own {
+    for Part { name, title, text, measured } in own {
         page.section(title);
-        page.table("own", &sensitivity(measured))?;
-        page.table("own-measures", &measures(measured))?;
+        if !text.is_empty() {
+            page.text(text);
+        }
+        page.table(name, &sensitivity(measured))?;
+        page.table(&format!("{name}-measures"), &measures(measured))?;
+        page.csv(&format!("{name}-candidates"), &every(measured))?;
     }
     page.section("All candidates");
     page.csv("candidates", &every(usual))?;
@@ -103,7 +114,7 @@ fn curves(all: &[Measured]) -> Plot {
         let count = Share::at(&m.trials, 0.0, is_due).of.max(1) as f64;
         let rates = (0..40).map(|n| 0.125 * 1.19f64.powi(n));
         let point = |rate: f64| {
-            let score = threshold(&m.trials, rate);
+            let score = m.threshold(rate);
             let missed = 1.0 - Share::at(&m.trials, score, is_due).value();
             // A logarithmic axis has no 0: half a polyp.
             Point::at(rate, 100.0 * missed.max(0.5 / count))
@@ -122,7 +133,7 @@ fn sensitivity(all: &[Measured]) -> Table {
     let mut t = Table::new(&columns);
     for m in all {
         for (name, group) in groups() {
-            let at = |rate: f64| Share::at(&m.trials, threshold(&m.trials, rate), &group);
+            let at = |rate: f64| Share::at(&m.trials, m.threshold(rate), &group);
             let [low, high] = at(RATE).interval();
             let mut row = row![m.detector, name, at(RATE).of];
             let any = Share::at(&m.trials, f64::NEG_INFINITY, &group).value();
@@ -183,7 +194,7 @@ fn measures(all: &[Measured]) -> Table {
 fn decoys(all: &[Measured]) -> Table {
     let mut t = Table::new(&["detector", "decoy", "number", "false positive at 2 a scan", "candidate at any score"]);
     for m in all {
-        let score = threshold(&m.trials, RATE);
+        let score = m.threshold(RATE);
         for (kind, name) in KINDS {
             let (mut of, mut taken, mut any) = (0usize, 0usize, 0usize);
             for trial in &m.trials {
@@ -235,9 +246,9 @@ fn features(all: &[Measured]) -> Table {
 fn by_factor(usual: &[Measured], steps: &[Step], name: &str) -> Table {
     let steps = steps.iter().filter(|s| s.name == name).flat_map(|s| s.measured.iter().map(move |m| (s, m)));
     table!(for (step, m) in steps;
-        let score = threshold(&m.trials, RATE);
+        let score = m.threshold(RATE);
         // The threshold that a reader would have chosen on the default scans.
-        let as_usual = usual.iter().find(|u| u.detector == m.detector).map_or(score, |u| threshold(&u.trials, RATE));
+        let as_usual = usual.iter().find(|u| u.detector == m.detector).map_or(score, |u| u.threshold(RATE));
         let due = Share::at(&m.trials, score, is_due);
         let [low, high] = due.interval();
         let small = Share::at(&m.trials, score, |p| p.diameter_mm < 6.0 && p.shape != PolypShape::Flat);
@@ -281,9 +292,32 @@ fn every(all: &[Measured]) -> Table {
     t
 }
 
+/// The rate of false positives at which lesions in real scans are told.
+const REAL_RATE: f64 = 4.0;
+
+/// What is said first of lesions that were put into a scan.
+fn put_in(part: &Part) -> Vec<String> {
+    let line = |m: &Measured| {
+        let at = |group: fn(&TruePolyp) -> bool| Share::at(&m.trials, m.threshold(REAL_RATE), group);
+        let (due, raised) = (at(is_due), at(is_raised));
+        let diameter = errors(m, |p| p.diameter_mm >= 6.0, |p, l| Some(l.diameter_mm - p.diameter_mm));
+        let size = if diameter.is_empty() {
+            String::new()
+        } else {
+            format!(" Diameters from 6 mm: bias {:.2} mm, SD {:.2} mm.", mean(&diameter), deviation(&diameter))
+        };
+        format!(
+            "{}. {}: {} of {} sessile and stalked lesions of 6 mm or more, {} of {} flat ones of 2 mm high or more, at most {REAL_RATE} false \
+             positives a scan.{size}",
+            part.title, m.detector, due.found, due.of, raised.found, raised.of,
+        )
+    };
+    part.measured.iter().take(1).map(line).collect()
+}
+
 fn findings(all: &[Measured]) -> Vec<String> {
     let line = |m: &Measured| {
-        let score = threshold(&m.trials, RATE);
+        let score = m.threshold(RATE);
         let due = Share::at(&m.trials, score, is_due);
         let [low, high] = due.interval().map(|x| 100.0 * x);
         let diameter = errors(m, is_due, |p, l| Some(l.diameter_mm - p.diameter_mm));
