@@ -2,7 +2,8 @@
 //!
 //! - If the lumen is open ahead (a local minimum, a bridge, a polyp, dithering, circling), the guide sets off again along
 //!   the longest tentacle ahead. For a few seconds the wall repels it less, it keeps its heading, and its whole trail is
-//!   forbidden ground, not only the last few mines.
+//!   forbidden ground, not only the last few mines. The same holds in front of a neck that was noted with another heading, if
+//!   the tentacles now reach past what is in front: the neck may be wide enough for a bold flight.
 //! - If the lumen is closed (a blind end, a neck too narrow), or if the first measure does not help, the mines are
 //!   cleared and the guide flies back along its trail until a side branch opens that it has not flown. New mines keep it
 //!   from returning. A dead end near the lumen's other end only means that the flight set out in the wrong direction.
@@ -218,7 +219,9 @@ impl Rescue {
         };
         self.escapes += 1;
         self.monitor.forgive();
-        let closed = matches!(trap, Trap::BlindEnd | Trap::Narrow | Trap::TurnedBack);
+        let wanders = matches!(alarm.stall, StallKind::Dithering | StallKind::Circling);
+        let reaches_past = wanders && matches!(reading.kind(), Trap::Bridge | Trap::Obstacle);
+        let closed = matches!(trap, Trap::BlindEnd | Trap::Narrow | Trap::TurnedBack) && !reaches_past;
         match self.course {
             Course::On if !closed => {
                 self.course = Course::Aside(self.time + ASIDE_S);
@@ -439,6 +442,47 @@ mod tests {
         };
         assert_eq!(circling(14.0), Some(true), "a small circle that passes it again");
         assert_eq!(circling(45.0), Some(false), "a large one goes round something");
+    }
+
+    /// A flight that wanders in front of a neck tries it while its tentacles reach past the edge, and only then flies back.
+    #[test]
+    fn a_neck_that_the_tentacles_reach_past_is_tried_before_turning_back() {
+        let directions = tentacles::directions(1024);
+        let tube = |p: DVec3| p.y.abs() < 10.0 && p.z.abs() < 10.0;
+        let slit = |p: DVec3| tube(p) && (p.x < 4.0 || p.x > 6.0 || p.y.abs().max(p.z.abs()) < 1.2);
+        let edge = |p: DVec3| tube(p) && !((5.0..6.5).contains(&p.x) && p.y.abs() < 3.0);
+        let lengths = |inside: &dyn Fn(DVec3) -> bool| -> Vec<f64> {
+            let reach = |d: &DVec3| (1..1500).map(|n| f64::from(n) * 0.1).find(|l| !inside(*d * *l)).unwrap_or(150.0);
+            directions.iter().map(reach).collect()
+        };
+        let (narrow, open) = (lengths(&slit), lengths(&edge));
+        let reading = |lengths| TentacleReading { directions: &directions, lengths, heading: DVec3::X, radius_mm: 1.5 };
+        assert_eq!((reading(&narrow).kind(), reading(&open).kind()), (Trap::Narrow, Trap::Bridge));
+        let (mut r, mut actions) = (Rescue::default(), Vec::new());
+        for n in 0..(12.0 / DT) as usize {
+            let t = n as f64 * DT;
+            let at = DVec3::new(5.0 * (6.0 * t).cos(), 5.0 * (6.0 * t).sin(), 0.0);
+            let order = r.follow(
+                at,
+                DT,
+                Some(&reading(if t < 0.3 { &narrow } else { &open })),
+                None,
+                &MonitorSettings::default(),
+            );
+            match order {
+                RescueAction::SetOff { heading, clear_mines } => actions.push((heading.is_some(), clear_mines)),
+                RescueAction::Call { trap, .. } => {
+                    assert_eq!(trap, Trap::Narrow);
+                    break;
+                }
+                RescueAction::GoOn => {}
+            }
+            if actions.len() == 1 {
+                let s = TentacleSettings::default();
+                assert!(r.temper(&s).wall_push < 0.2 * s.wall_push, "it is bold");
+            }
+        }
+        assert_eq!(actions, [(true, false), (true, true)], "ahead, then back without the mines");
     }
 
     /// A return flight follows its own trail, which is no stall. It ends at the start, or where the camera gets stuck.
