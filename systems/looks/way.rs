@@ -5,11 +5,15 @@
 //! line, and shrinks by at most 180 mm/s where it cannot. It is continuous, and so is the direction from the camera to the
 //! place; the view turns there as a critically damped oscillator ([`Turning`](crate::dynamics::Turning)). In a bend this is the
 //! place before the way disappears behind the inner wall, so the view turns into the bend before the body does.
+//!
+//! The turn lags behind a moving target by half a second, in which the body flies a third of the way through a sharp bend: the view
+//! would still be on the wall that the way has left. So for a body on a plan the look is taken from where it will be a little later.
+//! A body that descends a field does not keep to its way, and looks from where it is.
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 
-use crate::components::camera::Pose;
+use crate::components::camera::{Pose, Velocity};
 use crate::components::clock::Clock;
 use crate::components::guide::{Gaze, GuideThrust, Planned, PotentialField};
 use crate::components::scan::Walls;
@@ -23,10 +27,15 @@ const GROWS_MM_S: f64 = 90.0;
 const SHRINKS_MM_S: f64 = 180.0;
 /// Maximum reach of the first look, mm.
 const BEGINS_MM: f64 = 24.0;
+/// Time by which the look is ahead of the body, s: a good half of the view's lag. With all of it the view cuts corners, and shows
+/// the inner wall of a bend before the body has reached it.
+const LEAD_S: f64 = 0.25;
+/// Maximum distance by which the look is ahead of the body, mm.
+const LEAD_MM: f64 = 16.0;
 /// Distance between two places of the way, mm.
 const STEP_MM: f64 = 2.0;
 /// Number of places of the way, up to the farthest that is looked at.
-const PLACES: usize = (Gaze::MOST_MM / STEP_MM) as usize + 1;
+const PLACES: usize = ((Gaze::MOST_MM + LEAD_MM) / STEP_MM) as usize + 1;
 
 /// The look.
 pub const LOOK: Look = Look { name: "way", summary: "looks at the farthest visible point of the path", plug };
@@ -38,11 +47,18 @@ fn plug(app: &mut App) -> Result<()> {
 }
 
 /// The guides that know the way.
-type Ways<'a> = (&'a Pose, Option<&'a Planned>, Option<&'a PotentialField>, &'a mut Gaze, &'a mut GuideThrust);
+type Ways<'a> = (
+    &'a Pose,
+    Option<&'a Velocity>,
+    Option<&'a Planned>,
+    Option<&'a PotentialField>,
+    &'a mut Gaze,
+    &'a mut GuideThrust,
+);
 
 /// Turns the guide's direction to the farthest place of the way in view. A guide without a way keeps its own direction.
 pub fn look_along_way(clock: Res<Clock>, walls: Single<&Walls, With<Main>>, camera: Single<Ways, With<Main>>) {
-    let (pose, planned, field, mut gaze, mut guide) = camera.into_inner();
+    let (pose, velocity, planned, field, mut gaze, mut guide) = camera.into_inner();
     if guide.look_direction == DVec3::ZERO {
         *gaze = Gaze::default();
         return;
@@ -52,8 +68,11 @@ pub fn look_along_way(clock: Res<Clock>, walls: Single<&Walls, With<Main>>, came
         (None, Some(target)) => descent(target, pose.position, STEP_MM),
         (None, None) => return,
     };
-    let place = |mm: f64| at(&way, mm);
-    let in_sight = |mm: f64| !walls.0.enters(pose.position, place(mm));
+    let lead = planned.and(velocity).map_or(0.0, |v| (LEAD_S * v.0.length()).min(LEAD_MM));
+    // A body beside its way stays beside it.
+    let eye = pose.position + (at(&way, lead) - way[0]);
+    let place = |mm: f64| at(&way, lead + mm);
+    let in_sight = |mm: f64| !walls.0.enters(eye, place(mm));
     let jumps = planned.map_or(0, |p| p.jumps);
     if gaze.jumps != Some(jumps) {
         // The camera was placed with a view along the next stretch of the way, and continues from there.
@@ -64,7 +83,7 @@ pub fn look_along_way(clock: Res<Clock>, walls: Single<&Walls, With<Main>>, came
     } else {
         gaze.reach_mm = (gaze.reach_mm - SHRINKS_MM_S * clock.dt()).max(Gaze::LEAST_MM);
     }
-    let towards = (place(gaze.reach_mm) - pose.position).normalize_or_zero();
+    let towards = (place(gaze.reach_mm) - eye).normalize_or_zero();
     if towards != DVec3::ZERO {
         guide.look_direction = towards;
     }
@@ -125,6 +144,22 @@ mod tests {
         test.get_mut::<Planned>().s_mm = 42.0;
         test.steps(240).unwrap();
         assert!(test.get::<Gaze>().reach_mm <= Gaze::LEAST_MM + 1.0 && test.get::<Gaze>().pace() < 0.5);
+    }
+
+    /// The view lags, so a body that moves looks from a quarter of a second ahead; however fast, from no farther than 16 mm.
+    #[test]
+    fn a_body_in_motion_looks_from_where_it_will_be() {
+        let room = Room::new([30, 60, 20]);
+        let line = corner(DVec3::new(15.0, 10.0, 10.0), [30, 60]);
+        for (speed, lead) in [(0.0, 0.0), (30.0, 7.5), (20.0, 5.0), (1e6, 16.0)] {
+            let mut test = planned(&room, &line);
+            test.app.camera().insert(Velocity(DVec3::Y * speed));
+            test.steps(240).unwrap();
+            let reach = test.get::<Gaze>().reach_mm;
+            assert!((reach - (45.0 - lead)).abs() < 2.5, "{reach} mm from {lead} mm ahead to the wall");
+            let last = DVec3::new(15.0, 30.0 - lead, 0.0);
+            assert!(towards(&test).angle_between(last) < 0.06, "{} at {speed} mm/s", towards(&test));
+        }
     }
 
     #[test]
