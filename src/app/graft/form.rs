@@ -125,9 +125,11 @@ impl Form {
     /// A plaque follows the wall: its height falls from the middle to the rim.
     fn plaque(&self, place: DVec3, wall_mm: f64) -> f64 {
         let d = self.axes.transpose() * (place - self.root.place);
-        let off = (d / self.radii).with_z(0.0);
-        let share = off.length() / self.uneven(off.normalize_or_zero());
-        if share >= 1.0 || d.z.abs() > self.radii.x + self.radii.z {
+        // On the face of a fold, the way from the root along the wall is down, too.
+        let down = d.z - wall_mm.clamp(0.0, self.radii.z);
+        let off = DVec3::new(d.x / self.radii.x, d.y / self.radii.y, down / self.radii.x);
+        let share = off.length() / self.uneven(off.with_z(0.0).normalize_or_zero());
+        if share >= 1.0 {
             return 1.0 + self.radii.y * (share - 1.0).max(0.0);
         }
         let high = self.radii.z * (1.0 - share.powi(4));

@@ -10,7 +10,7 @@ use crate::app::study::CandidateEntry;
 use crate::error::Result;
 use crate::math::hash;
 use crate::output;
-use crate::polyps::{FEATURES, Lesion, TERMS, score, terms};
+use crate::polyps::{EVIDENCE, FEATURES, Lesion, score, terms};
 use crate::render::slice::Slice;
 
 const STYLE: &str = include_str!("page.css");
@@ -151,10 +151,9 @@ impl Card<'_> {
         let Some(lesion) = self.lesion.filter(|l| score(l).to_bits() == self.entry.score.to_bits()) else {
             return String::new();
         };
-        let values = terms(lesion);
-        let most = values.iter().fold(1e-9f64, |m, v| m.max(v.abs()));
+        let most = terms(lesion).fold(1e-9f64, |m, t| m.max(t.1.abs()));
         let mut rows = String::new();
-        for (term, value) in TERMS.iter().zip(values) {
+        for (term, value) in terms(lesion) {
             let (side, width) = (if value < 0.0 { "against" } else { "for" }, 50.0 * value.abs() / most);
             let _ = writeln!(
                 rows,
@@ -210,8 +209,7 @@ impl Page<'_> {
                 "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
                  <meta name=\"viewport\" content=\"width=device-width\">\n<title>Candidates in {scan}</title>\n\
                  <style>\n{STYLE}</style>\n</head>\n<body>\n<h1>Candidates in {scan}</h1>\n\
-                 <p class=\"caution\">A second reader's aid, measured on synthetic scans only and not on patients: it is not a \
-                 diagnosis.</p>\n<p>{count}</p>\n{TOOLS}<main>\n{cards}</main>\n\
+                 <p class=\"caution\">A second reader's aid, {EVIDENCE}: it is not a diagnosis.</p>\n<p>{count}</p>\n{TOOLS}<main>\n{cards}</main>\n\
                  <script type=\"application/json\" id=\"list\">{list}</script>\n<script>\n{SCRIPT}</script>\n</body>\n</html>\n"
             )
         })

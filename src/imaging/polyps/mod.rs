@@ -6,6 +6,7 @@
 
 pub mod answers;
 pub(crate) mod base;
+mod broad;
 mod caps;
 pub mod detectors;
 mod edge;
@@ -29,7 +30,7 @@ use crate::volume::Volume;
 pub use caps::{Cap, caps};
 pub use lesion::{FEATURES, Lesion};
 pub use measure::{Form, Measurement, RESTORED_HU, measure};
-pub use score::{TERMS, Term, score, terms};
+pub use score::{EVIDENCE, Term, score, terms};
 pub use wall::{SMOOTH_MM, Wall};
 
 /// Maximum distance of a candidate's place from the wall, mm, approximately: more than the radius of a large polyp.

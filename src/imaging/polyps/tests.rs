@@ -153,6 +153,50 @@ fn detectors_find_balls_and_no_ridge_and_the_order_is_theirs() {
     }
 }
 
+/// A plaque that follows a concave wall is nowhere curved like a cap. At the usual scale its rim is a chain of small bumps.
+#[test]
+fn a_plaque_on_a_concave_wall_is_one_lesion() {
+    let (bowel, radius, high) = (20.0, 8.0, 2.3);
+    let tube = move |p: DVec3| {
+        let r = p.truncate().length();
+        let off = DVec3::new(bowel * p.y.atan2(p.x), 0.0, p.z).length() / radius;
+        (r - bowel + high * (1.0 - off.powi(4)).max(0.0)).max(p.z.abs() - 26.0)
+    };
+    let size = DVec3::new(52.0, 52.0, 64.0);
+    let volume = scan(size, DVec3::new(0.7, 0.7, 1.0), 22.0, tube);
+    let (lumen, wall) = wall_at(&volume, DVec3::ZERO);
+    let colon = Colon { volume: &volume, lumen: &lumen, wall: &wall };
+    let found = find(&detectors::BUILT_IN[0], &colon, &Progress::new()).unwrap();
+    let first = &found[0];
+    let lesion = first.lesion.as_ref().unwrap();
+    let at = DVec3::new(bowel, 0.0, 0.0);
+    assert!(first.score > 0.5 && first.position.distance(at) < 6.0, "{:?}", first);
+    assert!(found.iter().skip(1).all(|c| c.score < first.score.min(0.5)), "{:?}", found.get(1));
+    assert!((lesion.diameter_mm - 2.0 * radius).abs() < 3.0 && (lesion.height_mm - high).abs() < 0.8, "{lesion:?}");
+    assert!(lesion.feature("broad") > 0.5 && lesion.axis.dot(DVec3::NEG_X) > 0.95, "{lesion:?}");
+    // At the usual scale alone there are only parts of its rim.
+    let parts = caps(&wall, 0.02, 3.0);
+    assert!(parts.iter().all(|c| c.area < 60.0), "{:?}", parts.iter().map(|c| c.area).collect::<Vec<_>>());
+}
+
+#[test]
+fn bumps_lower_than_the_noise_are_no_candidates() {
+    let bumps = [(-9.0, 0.35), (0.0, 1.6), (9.0, 0.35)];
+    let body = move |p: DVec3| {
+        bumps
+            .iter()
+            .map(|(x, high)| high * (-((p.x - x).powi(2) + p.y * p.y) / 8.0).exp() - p.z)
+            .fold(f64::MIN, f64::max)
+    };
+    let volume = scan(ROOM, DVec3::new(0.7, 0.7, 1.0), 22.0, room(body));
+    let (lumen, wall) = wall_at(&volume, DVec3::new(0.0, 0.0, 15.0));
+    let colon = Colon { volume: &volume, lumen: &lumen, wall: &wall };
+    let found = find(&detectors::BUILT_IN[0], &colon, &Progress::new()).unwrap();
+    let near = |x: f64| found.iter().any(|c| c.position.distance(DVec3::new(x, 0.0, 0.5)) < 4.0);
+    let heights: Vec<f64> = found.iter().filter_map(|c| Some(c.lesion.as_ref()?.height_mm)).collect();
+    assert!(near(0.0) && !near(-9.0) && !near(9.0), "{heights:?}");
+}
+
 #[test]
 fn what_a_detector_returns_is_put_in_order_and_one_is_left_for_each_place() {
     fn odd(_: &Colon<'_>, _: &Progress) -> Result<Vec<Candidate>> {

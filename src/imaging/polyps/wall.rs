@@ -26,6 +26,8 @@ use crate::volume::Volume;
 pub const SMOOTH_MM: f64 = 1.0;
 /// Maximum number of smoothing steps; a scan with finer voxels is smoothed less.
 const MOST_STEPS: usize = 40;
+/// Maximum number for a coarser scale.
+const MOST_COARSE_STEPS: usize = 200;
 /// Vertices that a sum is split by, so that it does not depend on the threads.
 const CHUNK: usize = 4096;
 
@@ -37,6 +39,8 @@ pub struct Wall {
     normals: Vec<Vec3>,
     areas: Vec<f32>,
     curvatures: Vec<[f32; 2]>,
+    /// True if the curvatures are over those of the bowel (see `broad`).
+    over_bowel: bool,
     /// Where the corners of each vertex begin.
     begins: Vec<u32>,
     /// The vertices beside each vertex, in their order around it, counter-clockwise as seen from the tissue. Two that follow each
@@ -66,26 +70,78 @@ impl Wall {
         let (begins, beside) = fans(places.len(), triangles);
         let mut wall = Self { origin, places, normals, areas, begins, beside, ..Self::default() };
         progress.check()?;
-        let steps = wall.smoothing_steps();
-        let mut spare = vec![Vec3::ZERO; wall.len()];
-        let mut places = wall.places.clone();
+        let steps = wall.smoothing_steps().min(MOST_STEPS);
+        wall.smooth(steps, progress)?;
+        Ok(wall)
+    }
+
+    /// Creates a wall without triangles: `pairs` lists each pair of vertices beside each other twice, by the first one. Only smoothing and
+    /// curvatures of it mean something.
+    pub(super) fn of_parts(
+        origin: DVec3,
+        places: Vec<Vec3>,
+        normals: Vec<Vec3>,
+        areas: Vec<f32>,
+        pairs: &[(u32, u32)],
+    ) -> Self {
+        let mut begins = vec![0u32; places.len() + 1];
+        for (a, _) in pairs {
+            begins[*a as usize + 1] += 1;
+        }
+        for n in 1..begins.len() {
+            begins[n] += begins[n - 1];
+        }
+        let beside = pairs.iter().map(|p| p.1).collect();
+        Self { origin, places, normals, areas, begins, beside, ..Self::default() }
+    }
+
+    /// Takes other curvatures off those of each vertex.
+    pub(super) fn subtract_curvatures(&mut self, of: impl Fn(u32) -> [f32; 2] + Sync) {
+        self.curvatures.par_iter_mut().enumerate().for_each(|(v, k)| {
+            let other = of(v as u32);
+            *k = [k[0] - other[0], k[1] - other[1]];
+        });
+        self.over_bowel = true;
+    }
+
+    /// True if the curvatures are over those of the bowel.
+    pub(super) fn is_over_bowel(&self) -> bool {
+        self.over_bowel
+    }
+
+    /// Returns the same wall with normals and curvatures of a coarser scale: those of the wall smoothed by a Gaussian of `mm` in all. What is
+    /// broad and low, as a plaque, bulges there as a whole.
+    ///
+    /// # Errors
+    /// Returns status 4 if interrupted.
+    pub(crate) fn at_scale(&self, mm: f64, progress: &Progress) -> Result<Self> {
+        let mut wall = self.clone();
+        // The normals are smooth by SMOOTH_MM already, which matters little: the squares of the scales add up.
+        let steps = (self.smoothing_steps() as f64 * (mm / SMOOTH_MM).powi(2)).round() as usize;
+        wall.smooth(steps.clamp(1, MOST_COARSE_STEPS), progress)?;
+        Ok(wall)
+    }
+
+    /// Smooths normals along the surface in some steps and computes the curvatures; positions stay.
+    fn smooth(&mut self, steps: usize, progress: &Progress) -> Result<()> {
+        let mut spare = vec![Vec3::ZERO; self.len()];
+        let mut places = self.places.clone();
         // Not of unit length: a mean of normals is shorter, as a mean of positions is nearer to the middle.
-        let mut normals = std::mem::take(&mut wall.normals);
+        let mut normals = std::mem::take(&mut self.normals);
         for values in [&mut places, &mut normals] {
             for _ in 0..steps {
-                wall.means(values, &mut spare);
+                self.means(values, &mut spare);
                 std::mem::swap(values, &mut spare);
                 progress.check()?;
             }
         }
         drop(spare);
-        let curvatures = |v: usize| wall.curvatures_at(v as u32, &places, &normals);
-        wall.curvatures = (0..wall.len()).into_par_iter().map(curvatures).collect();
+        let curvatures = |v: usize| self.curvatures_at(v as u32, &places, &normals);
+        self.curvatures = (0..self.len()).into_par_iter().map(curvatures).collect();
         drop(places);
         normals.par_iter_mut().for_each(|n| *n = n.normalize_or_zero());
-        wall.normals = normals;
-        progress.check()?;
-        Ok(wall)
+        self.normals = normals;
+        progress.check()
     }
 
     /// Returns the number of vertices.
@@ -181,7 +237,7 @@ impl Wall {
     /// Returns the positions, as of [`Wall::place`], smoothed along the surface by [`SMOOTH_MM`].
     pub(crate) fn smooth_places(&self) -> Vec<Vec3> {
         let (mut places, mut spare) = (self.places.clone(), vec![Vec3::ZERO; self.len()]);
-        for _ in 0..self.smoothing_steps() {
+        for _ in 0..self.smoothing_steps().min(MOST_STEPS) {
             self.means(&places, &mut spare);
             std::mem::swap(&mut places, &mut spare);
         }
@@ -205,7 +261,7 @@ impl Wall {
         let parts: Vec<[f64; 2]> =
             vertices.par_chunks(CHUNK).map(|part| part.iter().map(|&v| spread(v)).fold([0.0; 2], add)).collect();
         let [sum, area] = parts.into_iter().fold([0.0; 2], add);
-        if sum > 0.0 { ((SMOOTH_MM * SMOOTH_MM * area / sum).round() as usize).clamp(1, MOST_STEPS) } else { 0 }
+        if sum > 0.0 { ((SMOOTH_MM * SMOOTH_MM * area / sum).round() as usize).max(1) } else { 0 }
     }
 
     /// Writes the means of the values of each vertex and those beside it, weighted by area, into `means`.

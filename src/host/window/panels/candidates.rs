@@ -13,6 +13,7 @@ use crate::host::window::assistant::{
 };
 use crate::host::window::intent::{FindingOf, Intent};
 use crate::host::window::style::{ACCENT, INK, SOFT, Severity, TEXT, text};
+use crate::polyps::EVIDENCE;
 use crate::polyps::answers::Answer;
 
 /// Its entry in the table.
@@ -24,7 +25,11 @@ pub const PANEL: PanelEntry = PanelEntry {
     ..PanelEntry::NONE
 };
 
-const CAUTION: &str = "A second reader's aid, measured on synthetic scans only: it is not a diagnosis.";
+/// What the list says of itself.
+fn caution() -> String {
+    format!("A second reader's aid, {EVIDENCE}: it is not a diagnosis.")
+}
+
 /// Height of a row of the list, and of its picture, points.
 const ROW: f32 = 78.0;
 const PICTURE: f32 = 72.0;
@@ -55,7 +60,7 @@ impl Panel for CandidatesPanel {
         let Some(assistant) = context.assistant() else {
             // To show the panel is to ask for the list.
             ui.label("Searches the whole colon for polyps while the flight continues.");
-            ui.label(RichText::new(CAUTION).color(SOFT));
+            ui.label(RichText::new(caution()).color(SOFT));
             requests.ask(Intent::Search);
             return;
         };
@@ -67,7 +72,7 @@ impl Panel for CandidatesPanel {
                 let percent = share.map_or_else(String::new, |s| format!("  {:.0} %", 100.0 * s));
                 ui.label(format!("{stage} ...{percent}"));
                 ui.label(RichText::new("The flight continues meanwhile.").color(SOFT));
-                ui.label(RichText::new(CAUTION).color(SOFT));
+                ui.label(RichText::new(caution()).color(SOFT));
                 if ui.button("Cancel").clicked() {
                     requests.ask(Intent::CancelSearch);
                 }
@@ -100,7 +105,7 @@ impl CandidatesPanel {
             self.pictures.resize_with(found.list.len(), || None);
         }
         self.buttons(context, assistant, found, ui, requests);
-        ui.label(RichText::new("A second reader's aid. It is not a diagnosis.").color(SOFT)).on_hover_text(CAUTION);
+        ui.label(RichText::new("A second reader's aid. It is not a diagnosis.").color(SOFT)).on_hover_text(caution());
         if !assistant.told().is_empty() {
             ui.label(RichText::new(assistant.told()).color(Severity::Notice.colour()));
         }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::polyps::base::Scratch;
-use crate::polyps::{Candidate, Cap, Colon, Detector, Lesion, flow, score};
+use crate::polyps::{Candidate, Cap, Colon, Detector, Lesion, flow, score, score::above_noise};
 use crate::progress::Progress;
 
 /// The detector.
@@ -60,5 +60,5 @@ fn find(colon: &Colon<'_>, progress: &Progress) -> Result<Vec<Candidate>> {
     let found: Vec<Option<Candidate>> =
         places.par_iter().with_min_len(64).map_init(|| Scratch::new(wall), candidate).collect();
     progress.check()?;
-    Ok(found.into_iter().flatten().collect())
+    Ok(above_noise(found.into_iter().flatten().collect()))
 }
