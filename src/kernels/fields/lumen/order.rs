@@ -118,7 +118,7 @@ pub(super) fn order(links: &[Link], body: &Body) -> SegmentOrder {
     let states = 2 * n;
     let mut best = vec![(f64::INFINITY, usize::MAX); (1 << n) * states];
     for s in 0..states {
-        best[(1 << (s / 2)) * states + s] = (body.unlike_rectum(entry(s / 2, s % 2 == 1)), usize::MAX);
+        best[(1 << (s / 2)) * states + s] = (rectal(&links[s / 2], entry(s / 2, s % 2 == 1), body).0, usize::MAX);
     }
     for set in 1..1usize << n {
         for s in (0..states).filter(|s| set >> (s / 2) & 1 == 1) {
@@ -166,6 +166,16 @@ pub(super) fn order(links: &[Link], body: &Body) -> SegmentOrder {
     SegmentOrder { chain, passed, trusted, length_mm }
 }
 
+/// Returns how unlike the rectum an end of a segment is, mm in an adult, and the place that is. A rectum that is full of fluid has none of
+/// the segment's gas: then the fluid at that end is looked at, which costs its way.
+fn rectal(link: &Link, end: DVec3, body: &Body) -> (f64, DVec3) {
+    let by_fluid = link.fluid.iter().filter(|f| f.distance(end) <= POOL_MM * body.scale).map(|f| {
+        let way = FLUID_GAP * f.distance(end) / body.scale;
+        (body.unlike_rectum(*f) + way, *f)
+    });
+    by_fluid.fold((body.unlike_rectum(end), end), |a, b| if b.0 < a.0 { b } else { a })
+}
+
 /// Returns the length of a chain with its gaps, mm.
 fn length(links: &[Link], chain: &[(usize, bool)]) -> f64 {
     let end = |c: &(usize, bool), last: bool| links[c.0].ends[usize::from(c.1 != last)];
@@ -185,7 +195,7 @@ fn gap_mm(a: &Link, b: &Link, from: DVec3, to: DVec3) -> f64 {
 fn is_colon(links: &[Link], chain: &[(usize, bool)], body: &Body) -> bool {
     let end = |c: &(usize, bool), last: bool| links[c.0].ends[usize::from(c.1 != last)];
     let (Some(first), Some(last)) = (chain.first(), chain.last()) else { return false };
-    let (rectum, cecum) = (end(first, false), end(last, true));
+    let (rectum, cecum) = (rectal(&links[first.0], end(first, false), body).1, end(last, true));
     let between = |w: &[(usize, bool)]| gap_mm(&links[w[0].0], &links[w[1].0], end(&w[0], true), end(&w[1], false));
     let gaps: Vec<f64> = chain.windows(2).map(between).collect();
     (rectum.x - body.centre.x).abs() <= RECTUM_ASIDE_MM * body.scale
@@ -228,6 +238,22 @@ mod tests {
         assert!(!trusted(DVec3::new(0.0, 60.0, -30.0), cecum + DVec3::Z * 90.0, 1500.0), "too high");
         assert!(!trusted(rectum, DVec3::new(-CECUM_RIGHT_MM + 1.0, 0.0, -60.0), 1500.0), "not on the right");
         assert!(!trusted(rectum, cecum, LEAST_COLON_MM - 1.0) && trusted(rectum, cecum, LEAST_COLON_MM));
+    }
+
+    #[test]
+    fn a_rectum_that_is_full_of_fluid_is_one() {
+        // Its gas begins above the cecum's end.
+        let (gas, cecum) = (DVec3::new(-10.0, 40.0, -40.0), DVec3::new(-60.0, 0.0, -60.0));
+        assert!(!trusted(gas, cecum, 1500.0));
+        let with_fluid = |fluid: DVec3| {
+            let fluid = vec![fluid];
+            let link =
+                Link { ends: [gas, cecum], length_mm: 1500.0, joined_to: Vec::new(), fluid, worth_mm: f64::INFINITY };
+            is_colon(&[link], &[(0, false)], &BODY)
+        };
+        assert!(with_fluid(DVec3::new(0.0, 60.0, -140.0)), "below the gas");
+        assert!(!with_fluid(DVec3::new(0.0, 60.0, -20.0)), "above it");
+        assert!(!with_fluid(DVec3::new(100.0, 60.0, -140.0)), "far aside");
     }
 
     #[test]
