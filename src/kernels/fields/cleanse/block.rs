@@ -261,8 +261,17 @@ impl Mask {
         self.rows.iter().all(|row| *row == 0)
     }
 
+    /// Keeps the rows that `is_one` accepts, given their number.
+    pub(super) fn keep_rows(&mut self, is_one: impl Fn(usize) -> bool) {
+        for (at, row) in self.rows.iter_mut().enumerate() {
+            if *row != 0 && !is_one(at) {
+                *row = 0;
+            }
+        }
+    }
+
     /// Keeps the voxels that `is_one` accepts, given their index in the block.
-    pub(super) fn keep(&mut self, is_one: impl Fn(usize) -> bool) {
+    pub(super) fn keep(&mut self, mut is_one: impl FnMut(usize) -> bool) {
         let nx = self.block.dims[0];
         for (at, row) in self.rows.iter_mut().enumerate() {
             let mut kept = 0;

@@ -11,6 +11,9 @@
 //! so that it comes from below and above the thin layer where a mixture of gas and tag looks like tissue (`M ≈ T`), and noise
 //! that the lower contrast to tag would amplify is averaged. The neighbourhood's own blur is then taken off: an edge of width
 //! `√(σ² + s²)` gets the width σ by `Φ(√(1 + s²/σ²) Φ⁻¹(p))`, exact on planes. The cleansed value is `A + (T − A) p`.
+//!
+//! Where fluid stands above the plane, `M` would be gas and the fluid would be taken for tissue: its depth is that below its own surface
+//! there ([`risen`](super::risen)).
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -22,6 +25,7 @@ use super::block::{Block, Bricks, CellMeans, Mask, Phi};
 use super::changes::Changes;
 use super::model::{CleansedPool, Left};
 use super::pools::Split;
+use super::risen::Risen;
 use super::slab::Slabs;
 use super::{GAS, SOLID_HU, Scanner, TISSUE, WALL_HU, step};
 use crate::error::Result;
@@ -53,8 +57,10 @@ const DEEP: f32 = 3.5;
 const LEVEL_MM: f64 = 0.7;
 /// Minimum number of pure tag voxels for an estimate of its brightness.
 const PURE: f64 = 60.0;
-/// Fluid this far above a level, σ, does not count as fluid that climbs the wall.
-const RAISED: f32 = 2.5;
+/// Fluid has risen above its level where it is this far above it, σ, and exceeds tissue by this share of the tag's contrast: gas
+/// above a plane leaves less than tissue's value there.
+const RISEN: f32 = 1.0;
+const RISEN_SHARE: f32 = 0.3;
 /// How strongly a level is drawn to the grid's axis: the spread (voxels²) at which half of its slope is trusted.
 const HOLD: f64 = 4.0;
 
@@ -75,8 +81,6 @@ struct Pool {
     /// Depth below the level, voxels along `down`, as a plane over the voxel's indices.
     depth: DVec3,
     above: f64,
-    /// Only what fluid there is above the level, away from gas: in a bend without gas it rises as in a siphon, and has no level.
-    is_siphon: bool,
     /// Blur across the level, mm.
     blur_mm: f64,
     gas: CellMeans,
@@ -135,13 +139,7 @@ pub(super) fn cleanse(
     for (fluid, found) in fluids.iter().zip(found) {
         let Some((pool, found)) = found else { continue };
         work.extend(bricks.around(&fluid.runs, reach(volume)).into_iter().map(|b| (b, pools.len())));
-        let raised = raised(&pool, &fluid.runs, volume.grid().spacing());
-        let siphon = (!raised.is_empty()).then(|| Pool { is_siphon: true, ..pool.clone() });
         pools.push(pool);
-        if let Some(siphon) = siphon {
-            work.extend(bricks.around(&raised, reach(volume)).into_iter().map(|b| (b, pools.len())));
-            pools.push(siphon);
-        }
         out.taken.push(found);
     }
     // Pools of one brick are together, so that where two overlap the darker value is taken, which is that without either.
@@ -167,14 +165,48 @@ pub(super) fn cleanse(
     Ok(out)
 }
 
-/// Returns the runs of a pool's fluid that are above its level at one end.
-fn raised(pool: &Pool, runs: &[Place], spacing: DVec3) -> Vec<Place> {
-    let per_sigma = spacing[pool.down.axis] / pool.blur_mm;
-    let depth = |i: usize, j: usize, k: usize| {
-        (pool.depth.dot(DVec3::new(i as f64, j as f64, k as f64)) - pool.above) * per_sigma
+/// Returns what of `near` is fluid clearly above the plane, where only gas should be, and what is clearly fluid; `None` if nothing is
+/// above. The depth below the plane is given at a voxel, and grows by `slope` along a row.
+fn risen(
+    pool: &Pool,
+    block: &Block,
+    hu: &[f32],
+    near: &Mask,
+    depth_at: impl Fn([i64; 3]) -> f32,
+    slope: f32,
+) -> Option<[Mask; 2]> {
+    let nx = block.dims[0];
+    let mut above = near.clone();
+    let (mut row, mut depth) = (usize::MAX, 0.0);
+    above.keep_rows(|at| {
+        let first = depth_at(block.voxel(at * nx));
+        first.min(first + slope * nx as f32) < -RISEN
+    });
+    above.keep(|n| {
+        if n / nx != row {
+            row = n / nx;
+            depth = depth_at(block.voxel(row * nx));
+        }
+        depth + slope * ((n - row * nx) as f32) < -RISEN
+    });
+    let bright = |mask: &mut Mask| {
+        let mut tag_hu = vec![0f32; nx];
+        let mut row = usize::MAX;
+        mask.keep(|n| {
+            if n / nx != row {
+                row = n / nx;
+                pool.tag.row(block.voxel(row * nx), &mut tag_hu);
+            }
+            hu[n] > TISSUE + RISEN_SHARE * (tag_hu[n - row * nx] - TISSUE).max(CONTRAST)
+        });
     };
-    let is_raised = |(j, k, r): &&Place| depth(r.start, *j, *k).min(depth(r.end - 1, *j, *k)) < -f64::from(RAISED);
-    runs.iter().filter(is_raised).cloned().collect()
+    bright(&mut above);
+    if above.is_empty() {
+        return None;
+    }
+    let mut fluid = near.clone();
+    bright(&mut fluid);
+    Some([above, fluid])
 }
 
 /// How far from fluid values are replaced, voxels.
@@ -255,7 +287,6 @@ fn survey(
         down,
         depth: level.normal,
         above: level.offset,
-        is_siphon: false,
         blur_mm: level.blur_mm.unwrap_or(scanner.blur_mm),
         gas: CellMeans::new(bricks, &cells(&all.gas), gas, 4.0),
         tag: CellMeans::new(bricks, &cells(&all.tag), mean, 1e-3),
@@ -406,28 +437,19 @@ impl Shared<'_> {
         let grid = self.volume.grid();
         let spacing = grid.spacing();
         let wide = self.bricks.block(brick, reach(self.volume).map(|r| (2 * r).min(MARGIN)));
-        let mut mask = wide.mask(self.lumen.fluid(), |n| self.split.labels[n] == Some(pool.label));
+        let mask = wide.mask(self.lumen.fluid(), |n| self.split.labels[n] == Some(pool.label));
         let s = [0, 1, 2].map(|a| NEIGHBOURHOOD_MM / spacing[a]);
         let block = self.bricks.block(brick, s.map(|s| ((3.0 * s).ceil() as usize).min(MARGIN)));
         let per_sigma = (spacing[pool.down.axis] / pool.blur_mm) as f32;
         // The depth along a row is linear.
         let depth_at =
             |v: [i64; 3]| (pool.depth.dot(DVec3::from_array(v.map(|c| c as f64))) - pool.above) as f32 * per_sigma;
-        let slope = if pool.is_siphon { 0.0 } else { pool.depth.x as f32 * per_sigma };
+        let slope = pool.depth.x as f32 * per_sigma;
         let nx = block.dims[0];
         let mut changed: Vec<(usize, i16)> = Vec::new();
         let index = |v: [i64; 3]| grid.index(v[0] as usize, v[1] as usize, v[2] as usize);
-        if pool.is_siphon {
-            let gas = wide.mask(self.lumen.gas(), |_| true).dilated([4; 3]);
-            mask.keep(|n| depth_at(wide.voxel(n)) < -RAISED && !gas.has(n));
-            if mask.is_empty() {
-                return Changes::default();
-            }
-        }
-        let depth_at = |v: [i64; 3]| if pool.is_siphon { f32::INFINITY } else { depth_at(v) };
-        // Nothing but fluid, far below its level.
-        let top = block.voxel(if pool.down.sign > 0 { 0 } else { block.len() - 1 });
-        if mask.is_full() && depth_at(top) > 5.0 {
+        // Nothing but fluid, without gas near.
+        if mask.is_full() {
             let mut dark = vec![0f32; wide.dims[0]];
             let mut row = [i64::MIN; 2];
             wide.each_own(|n, v| {
@@ -446,7 +468,16 @@ impl Shared<'_> {
         let mut own = vec![0f32; block.len()];
         let mut dark = vec![0f32; block.len()];
         let mut tag_hu = vec![0f32; nx];
-        let near = self.downhill(&wide, &mask);
+        let wide_hu = wide.load(self.volume);
+        let near = self.downhill(&wide, &wide_hu, &mask);
+        let risen = risen(pool, &wide, &wide_hu, &near, depth_at, slope).map_or_else(Risen::none, |[risen, fluid]| {
+            let gas = wide.mask(self.lumen.gas(), |_| true);
+            let materials = |v: [i64; 3], [dark, tag]: [&mut [f32]; 2]| {
+                pool.gas.row(v, dark);
+                pool.tag.row(v, tag);
+            };
+            Risen::new([&risen, &fluid, &gas], &wide_hu, [&wide, &block], spacing / pool.blur_mm, materials)
+        });
         // Rows whose neighbourhoods hold nothing that is asked for stay empty.
         let needed = block.rows_around(&near, s.map(|s| (3.0 * s).ceil() as usize));
         for from in (0..block.len()).step_by(nx).filter(|from| needed[from / nx]) {
@@ -455,11 +486,11 @@ impl Shared<'_> {
             pool.gas.row(v, &mut dark[row.clone()]);
             pool.tissue.row(v, &mut own[row.clone()]);
             pool.tag.row(v, &mut tag_hu);
-            let depth = depth_at(v);
+            let level = depth_at(v);
             for (x, n) in row.enumerate() {
                 let tag = tag_hu[x].max(TISSUE + CONTRAST);
                 own[n] = own[n].clamp(TISSUE - 20.0, TISSUE + 150.0).min(tag - 0.5 * CONTRAST);
-                let depth = depth + slope * x as f32;
+                let depth = risen.get(n).unwrap_or(level + slope * x as f32);
                 mixed[n] = dark[n] + (tag - dark[n]) * self.phi.at(depth)[0];
                 let contrast = own[n] - mixed[n];
                 product[n] = contrast * (hu[n] - mixed[n]);
@@ -472,12 +503,12 @@ impl Shared<'_> {
         open.add(&wide.mask(self.lumen.gas(), |_| true));
         near.each_own(|at, v| {
             // Above the blur of the level the scan is as it should be.
-            let depth = depth_at(v);
+            let n = block.index(v);
+            let depth = risen.get(n).unwrap_or_else(|| depth_at(v));
             let ours = step(-3.5, -2.0, depth);
             if ours == 0.0 {
                 return;
             }
-            let n = block.index(v);
             let p = self.sharpened.at(product[n] / square[n].max(1.0));
             let clean = dark[n] + (TISSUE - dark[n]) * p;
             // Tissue keeps its own texture. What is brighter is fluid that climbs the wall.
@@ -493,8 +524,7 @@ impl Shared<'_> {
 
     /// Returns what lies around fluid: the voxels within reach to which values never rise on the way, but for texture. What rises
     /// again behind the wall is other bowel. No way is longer than the block's margin, so that it is the same in every brick.
-    fn downhill(&self, block: &Block, mask: &Mask) -> Mask {
-        let hu = block.load(self.volume);
+    fn downhill(&self, block: &Block, hu: &[f32], mask: &Mask) -> Mask {
         let within = mask.dilated(reach(self.volume));
         let mut near = mask.clone();
         let mut open = Vec::new();

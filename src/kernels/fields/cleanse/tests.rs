@@ -127,3 +127,40 @@ fn a_flight_keeps_every_wall_and_tells_what_it_sees() {
     }
     assert!((made.replaced_ml - lumen.fluid_ml()).abs() < 1e-9 && made.residue_ml == 0.0, "{made:?}");
 }
+
+/// The capsule with a level that climbs its sides by `rise` mm, as in a narrow gap, and where it ends: (scan, the same without tag).
+fn climbing(tag: f64, rise: f64) -> (Volume, Volume) {
+    let (_, clean) = capsule(tag, 2.0, 0.0, false);
+    let grid = clean.grid().clone();
+    let dims = grid.dims();
+    let value = |n: usize| {
+        let v = [n % dims[0], n / dims[0] % dims[1], n / dims[0] / dims[1]].map(|c| c as f64);
+        let p = grid.world(DVec3::from_array(v));
+        let axis = DVec3::new(0.0, 0.0, p.z.clamp(-56.0, 56.0));
+        let tissue = normal::cdf((p.distance(axis) - 14.0) / SIGMA);
+        // A curve with a capillary length of 2.5 mm.
+        let climbs = rise * ((p.x.abs() - 14.0) / 2.5).exp();
+        let depth = (p.y - 2.0 + climbs) / (1.0 + (climbs / 2.5).powi(2)).sqrt();
+        let inside = -1000.0 + (tag + 1000.0) * normal::cdf(depth / SIGMA);
+        (40.0 * tissue + inside * (1.0 - tissue) + 10.0 * hash::normal(5, n as u64)).round() as i16
+    };
+    (Volume::new(grid.clone(), (0..grid.len()).map(value).collect()), clean)
+}
+
+#[test]
+fn fluid_that_climbs_the_wall_goes_with_its_pool() {
+    for (tag, rise) in [(450.0, 3.0), (700.0, 6.0)] {
+        let (scan, clean) = climbing(tag, rise);
+        let (made, volume) = cleansed(&scan);
+        assert_eq!(made.pools.len(), 1);
+        // What is gas without tag, farther than its blur from the wall.
+        let lumen = (0..scan.data().len()).filter(|&n| clean.data()[n] < -995);
+        let shelf = lumen.clone().filter(|&n| volume.data()[n] > WALL_HU).count();
+        let wet = lumen.filter(|&n| scan.data()[n] > WALL_HU).count();
+        let (mean, most) = difference(&scan, &clean, &volume);
+        println!(
+            "{rise} mm up the wall: {shelf} of {wet} voxels remain; {mean:.1} HU off in the mean, at most {most:.0}"
+        );
+        assert!(shelf * 5000 < wet && mean < 25.0, "{shelf} of {wet}, {mean} HU");
+    }
+}
