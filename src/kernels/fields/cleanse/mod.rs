@@ -1,9 +1,10 @@
 //! Electronic cleansing: the scan with the colon's tagged fluid replaced by gas and the wall beneath restored.
 //!
 //! A voxel holds three materials: tissue, and gas or tag in the lumen. The level of a pool of fluid is a plane, which predicts what
-//! gas and tag alone would show; the rest of a voxel is tissue (`pool`). Fluid that climbs above its level goes with it (`risen`). Films and stool are layers on the wall (`residue`,
-//! `layer`); what cannot be distinguished from a thin wall stays. The changes are kept as [`Changes`]: the scan stays as it is, or
-//! exchanges its values with them. Values farther than 5 mm from the removed tag stay as they are.
+//! gas and tag alone would show; the rest of a voxel is tissue (`pool`). Fluid that stands above its level goes with it (`risen`).
+//! Films and stool are layers on the wall (`residue`, `layer`); what cannot be distinguished from a thin wall stays. The changes are
+//! kept as [`Changes`]: the scan stays as it is, or exchanges its values with them. Values farther than 5 mm from the removed tag stay
+//! as they are.
 //!
 //! No value depends on the number of threads: the scan is worked on in bricks, each by itself.
 

@@ -5,6 +5,7 @@
 //! begins there.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::f64::consts::TAU;
 use std::ops::Range;
 
 use glam::{DVec3, Vec3};
@@ -20,6 +21,7 @@ use crate::error::Result;
 use crate::fields::Lumen;
 use crate::fields::lumen::frame::AxisDirection;
 use crate::fields::lumen::runs::{Rows, Run};
+use crate::math::normal;
 use crate::progress::Progress;
 use crate::volume::Volume;
 
@@ -67,6 +69,12 @@ const CLEAR_HU: f32 = 110.0;
 const DARK: f32 = -150.0;
 /// Thickness between gas and gas below which something may be a wall with a film on it, mm.
 const SLAB_MM: f64 = 7.0;
+/// There it is tag alone if all its edges are at least this steep, relative to one from gas to tag: a wall of 2σ between gas and tag
+/// leaves 0.6. They are looked at where they exceed tissue by this share of the tag's contrast, so that a wall within tag shows as well.
+const STEEP: f64 = 0.7;
+const EDGE_SHARE: f32 = 0.3;
+/// Where no line meets an edge, it is tag if there is such tag at most this many voxels away.
+const GRAZED: usize = 2;
 /// Maximum distance to tag on both sides at which something is a bubble in tag, or the skin of one, mm.
 const GAP_MM: f64 = 1.5;
 /// Reason why residue was left.
@@ -400,6 +408,17 @@ impl Shared<'_> {
         let strides = block.strides();
         let per_voxel = (self.sigma / spacing).as_vec3();
         let gas = block.mask(self.lumen.gas(), |_| true);
+        // What may be replaced, and around it as far as it decides on it.
+        let mut asked = near.clone();
+        asked.keep(|n| {
+            let v = block.voxel(n);
+            let is_by = |a: usize| {
+                let at = (v[a] - block.first[a]) as usize;
+                at + GRAZED >= block.margin[a] && at < block.dims[a] - block.margin[a] + GRAZED
+            };
+            around.has(n) && (0..3).all(is_by)
+        });
+        let [lump, slab] = self.lumps(&block, &asked, &gas, &hu, &tag);
         let (mut changed, mut looked_at) = (Vec::new(), Vec::new());
         near.each_own(|n, v| {
             let index = grid.index(v[0] as usize, v[1] as usize, v[2] as usize);
@@ -407,7 +426,7 @@ impl Shared<'_> {
                 return;
             }
             // A thin wall with a film on it stays whole.
-            if self.slabs.is_within(&block, &gas, n) {
+            if slab.has(n) {
                 return looked_at.push((index, hu[n] as i16));
             }
             let slope = DVec3::from_array(
@@ -426,10 +445,11 @@ impl Shared<'_> {
             let darkest = line.iter().copied().fold(f32::INFINITY, f32::min);
             let gas = if darkest < GAS_MOST { darkest.max(GAS_LEAST) } else { self.gas };
             let materials = Materials { gas, tag: tag[n].max(TISSUE + 100.0), tissue: TISSUE };
-            let found = self.fitter.fit(&line, materials, enclosed.has(n));
+            let is_within = lump.has(n) || enclosed.has(n);
+            let found = self.fitter.fit(&line, materials, is_within);
             // If the fit finds no layer, the voxel is left where it may be tissue.
             let unsure = found.rest / (UNSURE * (materials.tag - TISSUE)).max(UNSURE_HU);
-            let sure = if enclosed.has(n) { 1.0 } else { 1.0 - step(1.0, 1.5, unsure) };
+            let sure = if is_within { 1.0 } else { 1.0 - step(1.0, 1.5, unsure) };
             // A voxel that is clearly brighter than tissue is at least a mixture of both.
             let bright = step(BRIGHTER[0], BRIGHTER[1], hu[n] - TISSUE) * (1.0 - sure);
             let share = ((materials.tag - hu[n]) / (materials.tag - TISSUE)).clamp(0.0, 1.0);
@@ -447,6 +467,79 @@ impl Shared<'_> {
             to.push((index, (hu[n] + (clean - hu[n]) * own + (mixture - hu[n]) * bright).round() as i16));
         });
         (Changes::from_sorted(changed.into_iter()), Changes::from_sorted(looked_at.into_iter()))
+    }
+}
+
+impl Shared<'_> {
+    /// Returns which voxels of `asked` have gas on both sides and tag alone in between, and which may have a thin wall there.
+    ///
+    /// A thin wall and tag between gas and gas look alike in their values. Their edges differ: one from gas to tag has the slope
+    ///
+    /// ```text
+    /// |∇v| = (F − A) φ(Φ⁻¹((v − A)/(F − A))) / σ
+    /// ```
+    ///
+    /// at the value `v`, while tissue between them, or between tag and tag, makes a step on which it is smaller. Differences over `±h`
+    /// add `h²/3` to σ². Lines that meet no such edge graze the tag: what is beside it there is like it.
+    fn lumps(&self, block: &Block, asked: &Mask, gas: &Mask, hu: &[f32], tag: &[f32]) -> [Mask; 2] {
+        let mut lump = asked.clone();
+        lump.keep_rows(|_| false);
+        let (mut wall, mut grazed) = (lump.clone(), lump.clone());
+        asked.each(|n| {
+            let mut found = None;
+            for line in self.slabs.across(block, gas, n) {
+                grazed.set(n);
+                found = self.is_tag(block, hu, tag[n], line).or(found);
+                if found == Some(false) {
+                    break;
+                }
+            }
+            match found {
+                Some(true) => lump.set(n),
+                Some(false) => wall.set(n),
+                None => {}
+            }
+        });
+        let (beside, walls) = (lump.dilated([GRAZED; 3]), wall.dilated([1; 3]));
+        let mut slab = wall;
+        grazed.each(|n| {
+            if slab.has(n) || lump.has(n) {
+                return;
+            }
+            if beside.has(n) && !walls.has(n) { lump.set(n) } else { slab.set(n) }
+        });
+        [lump, slab]
+    }
+
+    /// True if all edges on a line from gas to gas are those of tag, false if one is not; `None` if there is none.
+    fn is_tag(&self, block: &Block, hu: &[f32], tag: f32, line: impl Iterator<Item = usize> + Clone) -> Option<bool> {
+        let level = TISSUE + EDGE_SHARE * (tag - TISSUE).max(CLEAR_HU);
+        let mut found = None;
+        for (m, n) in line.clone().zip(line.skip(1)) {
+            if (hu[m] < level) != (hu[n] < level) {
+                let edge = if (hu[m] - level).abs() < (hu[n] - level).abs() { m } else { n };
+                if !self.is_steep(block, hu, tag, edge) {
+                    return Some(false);
+                }
+                found = Some(true);
+            }
+        }
+        found
+    }
+
+    /// True if values at the index `n` of a block are as steep as on an edge from gas to tag.
+    fn is_steep(&self, block: &Block, hu: &[f32], tag: f32, n: usize) -> bool {
+        let (spacing, strides) = (self.volume.grid().spacing(), block.strides());
+        let is_inner = (0..3).all(|a| (1..block.dims[a] - 1).contains(&(n / strides[a] % block.dims[a])));
+        if !is_inner {
+            return false;
+        }
+        let rise = |a: usize| f64::from(hu[n + strides[a]] - hu[n - strides[a]]) / (2.0 * spacing[a]);
+        let slope = DVec3::from_array([0, 1, 2].map(rise));
+        let added = (slope * spacing).length_squared() / slope.length_squared().max(1.0) / 3.0;
+        let contrast = f64::from(tag.max(TISSUE + CLEAR_HU) - self.gas);
+        let t = normal::quantile((f64::from(hu[n] - self.gas) / contrast).clamp(0.01, 0.99));
+        slope.length() > STEEP * contrast * (-0.5 * t * t).exp() / (TAU * (self.sigma.powi(2) + added)).sqrt()
     }
 }
 

@@ -25,13 +25,24 @@ impl Slabs {
 
     /// True if the voxel at an index of a block has the lumen on both sides, on one of thirteen lines.
     pub(super) fn is_within(&self, block: &Block, lumen: &Mask, n: usize) -> bool {
-        let strides = block.strides();
-        self.lines.iter().any(|line| {
+        self.across(block, lumen, n).next().is_some()
+    }
+
+    /// Returns the lines on which the voxel at an index of a block has the lumen on both sides: the indices from one side to the other.
+    pub(super) fn across<'a>(
+        &'a self,
+        block: &Block,
+        lumen: &'a Mask,
+        n: usize,
+    ) -> impl Iterator<Item = impl Iterator<Item = usize> + Clone> + 'a {
+        let (block, strides) = (*block, block.strides());
+        self.lines.iter().filter_map(move |line| {
             let offset = line.offset(&strides);
-            let steps = line.steps.min(line.within(block, n));
-            let side =
-                |sign: isize| (1..steps).find(|&m| lumen.has((n as isize + sign * m as isize * offset) as usize));
-            side(1).zip(side(-1)).is_some_and(|(a, b)| (a + b) as f64 * line.mm < self.mm)
+            let steps = line.steps.min(line.within(&block, n));
+            let at = move |m: isize| n.wrapping_add_signed(m * offset);
+            let side = |sign: isize| (1..steps as isize).find(|&m| lumen.has(at(sign * m)));
+            let (a, b) = side(1).zip(side(-1))?;
+            ((a + b) as f64 * line.mm < self.mm).then(|| (-b..=a).map(at))
         })
     }
 }

@@ -164,3 +164,52 @@ fn fluid_that_climbs_the_wall_goes_with_its_pool() {
         assert!(shelf * 5000 < wet && mean < 25.0, "{shelf} of {wet}, {mean} HU");
     }
 }
+
+/// The capsule without a level, with a lump of tag of some radius (mm) on its wall and a fold 2 mm thick that is coated with 1.5 mm of
+/// tag on one side: (scan, the same without tag).
+fn lump_and_fold(tag: f64, radius: f64) -> (Volume, Volume) {
+    let (_, plain) = capsule(tag, 2.0, 0.0, false);
+    let grid = plain.grid().clone();
+    let dims = grid.dims();
+    let make = |tag: f64| {
+        let value = |n: usize| {
+            let v = [n % dims[0], n / dims[0] % dims[1], n / dims[0] / dims[1]].map(|c| c as f64);
+            let p = grid.world(DVec3::from_array(v));
+            let axis = DVec3::new(0.0, 0.0, p.z.clamp(-56.0, 56.0));
+            // Blurred half-spaces, which are exact on planes.
+            let below = |mm: f64| normal::cdf(-mm / SIGMA);
+            let half = below(p.y);
+            let fold = (below(p.z - 21.0) - below(p.z - 19.0)) * half;
+            let coat = (below(p.z - 22.5) - below(p.z - 21.0)) * half;
+            let lump = below(p.distance(DVec3::new(0.0, 13.0 - radius, -20.0)) - radius);
+            let inside = -1000.0 + 1040.0 * fold + (tag + 1000.0) * (coat + lump).min(1.0 - fold);
+            let tissue = normal::cdf((p.distance(axis) - 14.0) / SIGMA);
+            (40.0 * tissue + inside * (1.0 - tissue) + 10.0 * hash::normal(5, n as u64)).round() as i16
+        };
+        Volume::new(grid.clone(), (0..grid.len()).map(value).collect())
+    };
+    (make(tag), make(-1000.0))
+}
+
+#[test]
+fn a_lump_of_tag_between_gas_and_gas_is_removed_and_a_coated_fold_stays() {
+    for (tag, radius) in [(500.0, 2.5), (800.0, 3.0)] {
+        let (scan, clean) = lump_and_fold(tag, radius);
+        let volume = cleansed(&scan).1;
+        let bright = |v: &Volume, from: usize, to: usize| -> Vec<usize> {
+            (72 * 72 * from..72 * 72 * to).filter(|&n| v.data()[n] > WALL_HU).collect()
+        };
+        // The lump's slices, and the fold's.
+        let lump: Vec<usize> = bright(&scan, 65, 85).into_iter().filter(|&n| clean.data()[n] < -900).collect();
+        let ghosts = lump.iter().filter(|&&n| volume.data()[n] > WALL_HU).count();
+        let fold: Vec<usize> = bright(&clean, 123, 127).into_iter().filter(|&n| clean.data()[n] > -300).collect();
+        let lost = fold.iter().filter(|&&n| volume.data()[n] <= WALL_HU).count();
+        println!(
+            "{tag} HU: {ghosts} of {} voxels of the lump remain, {lost} of {} of the fold are lost",
+            lump.len(),
+            fold.len()
+        );
+        assert!(lump.len() > 100 && ghosts * 50 < lump.len(), "{ghosts} of {}", lump.len());
+        assert!(fold.len() > 1000 && lost * 400 < fold.len(), "{lost} of {}", fold.len());
+    }
+}
