@@ -1,7 +1,7 @@
 use super::*;
 use crate::components::flight::{Goal, Help};
-use crate::dynamics::Route;
 use crate::dynamics::monitor::MonitorSettings;
+use crate::dynamics::{Attitude, Route};
 use crate::testing::{Room, TestApp};
 
 /// A straight route along +y in the middle of a long room, from 10 to 110 mm, with 9 mm to the walls.
@@ -261,6 +261,33 @@ fn the_nearest_place_is_one_that_can_be_reached() {
         test.steps(1).unwrap();
         assert!((s_mm(&test) - 80.0).abs() < 0.01, "{} paused: {paused}", s_mm(&test));
     }
+}
+
+/// A plan behind the wall at x = 20 up to y = 80, and inside of the room from there: no line to it is free, but from the way that the
+/// body came.
+#[test]
+fn where_no_line_to_the_plan_is_free_it_flies_back_over_its_own_trail() {
+    let line: Vec<_> = (10..=110).map(|y| DVec3::new(if y < 80 { 24.0 } else { 16.0 }, f64::from(y), 10.0)).collect();
+    let route = Arc::new(Route::along(&line, &vec![4.0; line.len()], DVec3::Z).unwrap());
+    let mut test = following(PathSettings::default(), route);
+    let here = DVec3::new(18.0, 50.0, 10.0);
+    test.place(here);
+    // Without a trail it stays: behind the wall it would hang.
+    test.steps(30).unwrap();
+    assert_eq!((guide(&test).thrust, guide(&test).look_direction), (DVec3::ZERO, DVec3::ZERO));
+    let mut trail = Trail::default();
+    for y in (50..=100).rev() {
+        trail.follow((DVec3::new(18.0, f64::from(y), 10.0), Attitude::new(DVec3::NEG_Y, DVec3::Z)), 0.0, None);
+    }
+    test.app.camera().insert(trail);
+    test.steps(60).unwrap();
+    let guide = guide(&test);
+    assert!(guide.thrust.y > 40.0 && guide.thrust.x.abs() < 1e-6, "{}", guide.thrust);
+    near(guide.look_direction, DVec3::Y);
+    // As soon as a line is free, it joins.
+    test.place(DVec3::new(18.0, 95.0, 10.0));
+    test.steps(300).unwrap();
+    assert!((s_mm(&test) - test.get::<Planned>().route.nearest(DVec3::new(18.0, 95.0, 10.0))[0]).abs() < 8.0);
 }
 
 #[test]

@@ -1,7 +1,8 @@
 //! Looks along the way, and at each stop of a review at what was missed there.
 //!
 //! Near a stop the flight slows down in proportion to the distance, comes nearly to rest, and waits until the view has turned: by the
-//! same bounded law as always, and for a limited time. A stop that is not done in its own time ends the tour and calls the operator.
+//! same bounded law as always, and for a limited time. A stop that is not reached in its own time is given up, and the rest of the tour is
+//! planned anew by the flight. A second one in a row calls the operator.
 
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::QueryData;
@@ -23,8 +24,10 @@ use crate::schedule::{App, FlightSystems, Look, Main};
 const SLOWS_MM: f64 = 14.0;
 /// Distance along the way from a stop at which the view turns to what was missed, if it is in view, mm.
 const TURNS_MM: f64 = 20.0;
-/// Distance along the way at which a stop is reached, mm.
+/// Distance along the way at which a stop is reached, mm, …
 const THERE_MM: f64 = 1.0;
+/// … if the camera is this near, mm: a plan that is joined farther ahead has left the stop out.
+const NEAR_MM: f64 = 10.0;
 /// Least share of its speed of a flight that nears a stop, and of one that waits there.
 const NEARING: f64 = 0.12;
 const WAITING: f64 = 1e-3;
@@ -78,11 +81,26 @@ pub fn look_at_stops(
     // A slower flight takes longer.
     review.spent_s += clock.dt() * hand.map_or(1.0, |h| h.speed.min(1.0));
     if review.spent_s > stop.limit_s {
-        (flight.state, flight.place) = (State::Operator, pose.position);
-        flight.reason = "the review cannot reach its next stop".to_owned();
+        if review.fail(pose.position) {
+            (flight.state, flight.place) = (State::Operator, pose.position);
+            flight.reason = match review.left() {
+                0 => "the review did not reach its last two stops".to_owned(),
+                1 => "the review did not reach two stops in a row; 1 stop is left".to_owned(),
+                left => format!("the review did not reach two stops in a row; {left} stops are left"),
+            };
+            // The operator moves the camera on, and the next stop has its own two tries.
+            review.failed = 0;
+        }
         return;
     }
     let left_mm = stop.s_mm - planned.s_mm;
+    if left_mm <= THERE_MM
+        && review.held_s.is_none()
+        && pose.position.distance(planned.route.place(stop.s_mm)) > NEAR_MM
+    {
+        review.skip();
+        return;
+    }
     let Some(target) = stop.look_at else {
         review.pace = 1.0;
         if left_mm <= THERE_MM {
@@ -174,9 +192,59 @@ mod tests {
         test.steps(500).unwrap();
         let review = test.get::<Review>();
         assert_eq!((review.next, review.reached), (1, 0), "not looked at, and left");
-        // It hangs before the second stop.
+        // It hangs before the second stop, the last one: the flight plans the rest, and nobody needs to be called.
         test.steps(1000).unwrap();
-        assert!(test.get::<Flight>().state == State::Operator && !test.get::<Flight>().reason.is_empty());
+        let review = test.get::<Review>();
+        assert!((review.next, review.reached, review.failed, review.replan) == (2, 0, 1, true));
+        assert!(review.hung.is_some_and(|h| h.distance(test.get::<Pose>().position) < 1e-9));
+        assert!(test.get::<Flight>().state != State::Operator);
+    }
+
+    #[test]
+    fn the_second_stop_in_a_row_that_is_not_reached_calls() {
+        for left in [0, 1, 5] {
+            let mut test = touring();
+            let more = TourStop { s_mm: 60.0, look_at: None, limit_s: 8.0 };
+            test.get_mut::<Review>().stops.extend(vec![more; left]);
+            at(&mut test, 5.0);
+            test.steps(1000).unwrap();
+            assert!(test.get::<Review>().failed == 1 && test.get::<Flight>().state == State::Flying);
+            test.steps(1000).unwrap();
+            let (flight, review) = (test.get::<Flight>(), test.get::<Review>());
+            assert!(flight.state == State::Operator && (review.next, review.reached) == (2, 0));
+            let told = match left {
+                0 => "the review did not reach its last two stops",
+                1 => "the review did not reach two stops in a row; 1 stop is left",
+                _ => "the review did not reach two stops in a row; 5 stops are left",
+            };
+            assert_eq!(flight.reason, told);
+            // The operator brings it on: the next stop has its own two tries.
+            assert!(!review.replan && review.failed == 0);
+        }
+    }
+
+    #[test]
+    fn a_stop_that_is_reached_between_two_others_calls_nobody() {
+        let mut test = touring();
+        let more = TourStop { s_mm: 60.0, look_at: None, limit_s: 8.0 };
+        test.get_mut::<Review>().stops.push(more);
+        at(&mut test, 5.0);
+        test.steps(1000).unwrap();
+        assert_eq!(test.get::<Review>().failed, 1);
+        at(&mut test, 59.5);
+        let review = test.get::<Review>();
+        assert_eq!((review.next, review.reached, review.failed, review.hung), (2, 1, 0, None));
+    }
+
+    #[test]
+    fn a_stop_that_the_plan_leaves_behind_is_not_reached() {
+        let mut test = touring();
+        test.get_mut::<Review>().next = 1;
+        test.get_mut::<Planned>().s_mm = 59.5;
+        test.place(DVec3::new(20.0, 40.0, 10.0));
+        test.steps(1).unwrap();
+        let review = test.get::<Review>();
+        assert_eq!((review.next, review.reached), (2, 0));
     }
 
     #[test]

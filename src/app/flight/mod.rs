@@ -60,6 +60,8 @@ pub struct FlightApp {
     reviewing: Option<review::Reviewing>,
     /// Number of stops that the last review has reached.
     reached: usize,
+    /// Where the camera hung when the last review ended, world mm.
+    hung: Option<DVec3>,
     /// The distances to the wall with which the last tour was planned, and the gas that they belong to.
     toured: Option<(Arc<Lumen>, Arc<WallDistance>)>,
     /// The camera's last valid pose.
@@ -148,6 +150,7 @@ impl FlightApp {
             progress,
             reviewing: None,
             reached: 0,
+            hung: None,
             toured: None,
             sound: None,
             queries,
@@ -175,7 +178,7 @@ impl FlightApp {
         let stepped = self.app.step();
         let stepped = self.restored(stepped);
         self.keep_sound();
-        stepped.and_then(|()| self.end_finished_review())
+        stepped.and_then(|()| self.go_on_with_review())
     }
 
     /// Moves the camera back to its last valid pose, at rest, if a plug-in has written an invalid position, direction or speed.

@@ -80,6 +80,13 @@ pub struct TourFlown {
     pub is_complete: bool,
 }
 
+impl TourFlown {
+    /// Returns the number of stops that were not reached, or not looked at.
+    pub fn not_reached(&self) -> usize {
+        self.stops.saturating_sub(self.reached)
+    }
+}
+
 impl ReviewRounds {
     /// Begins after a flight that has seen `covered`, in square pictures with a view angle of `fov_degrees`.
     pub fn new(flight: &FlightApp, covered: Covered, fov_degrees: f64) -> Self {

@@ -165,6 +165,7 @@ impl Covering {
             json!({
                 "stops": count(|t| t.stops),
                 "reached": count(|t| t.reached),
+                "not_reached": count(TourFlown::not_reached),
                 "left_out": count(|t| t.left_out),
                 "unsure": self.unsure.len(),
                 "tours": tours.len(),
@@ -210,9 +211,13 @@ fn end_tour(flight: &mut FlightApp, seen: &mut Seen) -> Result<()> {
         false if reason.is_empty() => ", cut short".to_owned(),
         false => format!(", cut short: {reason}"),
     };
+    let missed = match tour.not_reached() {
+        0 => String::new(),
+        n => format!(", {n} not reached"),
+    };
     let share = rounds.covered.coverage.one_way;
     output::to_stderr(format_args!(
-        "review: {} of {} stops in {:.0} mm and {:.0} s; {:.1} % of the wall seen, {:.1} % before{ended}",
+        "review: {} of {} stops in {:.0} mm and {:.0} s{missed}; {:.1} % of the wall seen, {:.1} % before{ended}",
         tour.reached,
         tour.stops,
         tour.length_mm,

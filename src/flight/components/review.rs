@@ -6,6 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use super::guide::GuideThrust;
 
+/// After this many stops in a row that were not reached, the operator is called: the next one would not be reached either.
+const FAILS: u32 = 2;
+
 /// A place that a review visits.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -45,6 +48,14 @@ pub struct Review {
     pub next: usize,
     /// Number of stops that were looked at, or flown past if there is nothing to look at.
     pub reached: usize,
+    /// Number of stops that are visited after those of this plan.
+    pub later: usize,
+    /// Number of stops in a row whose time was over before the camera got there.
+    pub failed: u32,
+    /// Where the camera was when the time of the last stop was over, world mm; `None` once it has got to another one.
+    pub hung: Option<DVec3>,
+    /// True if the rest of the tour must be planned anew, because the camera hangs.
+    pub replan: bool,
     /// Time at this stop, s; `None` on the way.
     pub held_s: Option<f64>,
     /// Time since the last stop, s.
@@ -65,10 +76,36 @@ impl Review {
     pub fn go_on_from(&mut self, s_mm: f64) {
         self.next = self.stops.iter().position(|s| s.s_mm >= s_mm).unwrap_or(self.stops.len());
         (self.held_s, self.spent_s) = (None, 0.0);
+        (self.failed, self.hung, self.replan) = (0, None, false);
+    }
+
+    /// Returns the number of stops that are left.
+    pub fn left(&self) -> usize {
+        self.stops.len().saturating_sub(self.next) + self.later
     }
 
     /// Moves on to the next stop. `done` is true if this one was seen.
     pub fn leave(&mut self, done: bool) {
+        self.pass(done);
+        (self.failed, self.hung, self.replan) = (0, None, false);
+    }
+
+    /// Moves on to the next stop, past one that the plan has left behind.
+    pub fn skip(&mut self) {
+        self.pass(false);
+    }
+
+    /// Gives up the next stop, because the camera hangs at `place` (world mm). Returns true if the operator is needed: a second stop in a
+    /// row was not reached.
+    pub fn fail(&mut self, place: DVec3) -> bool {
+        self.pass(false);
+        self.hung = Some(place);
+        self.failed += 1;
+        self.replan = self.failed < FAILS;
+        !self.replan
+    }
+
+    fn pass(&mut self, done: bool) {
         self.next += 1;
         self.reached += usize::from(done);
         (self.held_s, self.spent_s, self.pace) = (None, 0.0, 1.0);

@@ -24,6 +24,8 @@ const MAX_MOVES: usize = 16;
 const SKIN_MM: f64 = 0.05;
 /// Longest single move along the wall, mm.
 const CREEP_MM: f64 = 0.1;
+/// Longest single move off the wall where none along it is found, mm.
+const OFF_MM: f64 = 0.02;
 
 /// The outcome of a move.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,6 +38,8 @@ pub struct Advance {
     pub clearance_mm: f64,
     /// True if the body is in the wall or too close to it and did not move, because no move raised the clearance.
     pub stuck: bool,
+    /// True if the body is wedged: it touches walls on several sides, and did not move because it can slide along none of them.
+    pub wedged: bool,
 }
 
 /// Moves a sphere of `radius` mm from `position` by `displacement` (world, mm) as far as the wall allows.
@@ -56,7 +60,7 @@ pub(crate) fn sweep(
 ) -> Advance {
     let mut rest = if displacement.is_finite() { displacement } else { DVec3::ZERO };
     let mut at = position;
-    let mut blocked = None;
+    let (mut blocked, mut wedged) = (None, false);
     let first = walls.clearance(at);
     let mut clearance = first;
     for _ in 0..MAX_MOVES {
@@ -83,13 +87,18 @@ pub(crate) fn sweep(
             blocked = Some(clearance.toward);
         }
         let along = rest - clearance.toward * into;
-        let Some((next, there)) = creep(walls, at, clearance, along, radius) else { break };
+        let next = creep(walls, at, clearance, along, radius)
+            .or_else(|| if into > 0.0 { None } else { retreat(walls, at, clearance, along, radius) });
+        let Some((next, there)) = next else {
+            wedged = at == position;
+            break;
+        };
         piece(at, next);
         rest = along * (1.0 - next.distance(at) / along.length()).max(0.0);
         (at, clearance) = (next, there);
     }
     let stuck = first.mm < radius && at == position;
-    Advance { position: at, blocked, clearance_mm: first.mm, stuck }
+    Advance { position: at, blocked, clearance_mm: first.mm, stuck, wedged }
 }
 
 /// Makes a short move along the wall that the body touches, leaning away from it as far as needed.
@@ -107,6 +116,21 @@ fn creep(walls: &impl Clearances, at: DVec3, here: Clearance, along: DVec3, radi
         let keeps = there.mm >= radius && here.mm + there.mm - length >= 2.0 * radius;
         let raises = here.mm < radius && there.mm > here.mm && !walls.enters(at, next);
         (keeps || raises).then_some((next, there))
+    })
+}
+
+/// Makes a shorter move off the wall that the body touches, where no move along it was found.
+///
+/// A body that has crept until its clearance is its radius could never leave: between the ends of a move of length `l`, the bound of
+/// [`creep`] is `l/2` less than the clearance at the ends, and in a narrow place the clearance grows by less than `l`. The clearances of
+/// both ends are kept, and the move is so short that in between at most [`OFF_MM`]`/2` is missing, less than the finder's tolerance.
+fn retreat(walls: &impl Clearances, at: DVec3, here: Clearance, off: DVec3, radius: f64) -> Option<(DVec3, Clearance)> {
+    let direction = off.try_normalize()?;
+    let length = off.length().min(OFF_MM);
+    [0.0, 0.1, 0.5, 2.0].into_iter().find_map(|lean| {
+        let next = at + (direction - here.toward * lean).normalize() * length;
+        let there = walls.clearance(next);
+        (there.mm >= radius && !walls.enters(at, next)).then_some((next, there))
     })
 }
 
@@ -190,6 +214,60 @@ mod tests {
         let inside = axis + DVec3::Y * 15.0;
         assert!(advance(&walls, inside, DVec3::splat(1e9), 1.5).position.is_finite());
         assert_eq!(advance(&walls, axis, DVec3::NAN, 1.5).position, axis);
+    }
+
+    /// A wedge between two planes that meet in the line x = 0 at 20° to the x axis; gas is at x < 0.
+    struct Wedge;
+
+    impl Clearances for Wedge {
+        fn clearance(&self, at: DVec3) -> Clearance {
+            let (sin, cos) = 20f64.to_radians().sin_cos();
+            let toward = DVec3::new(sin, if at.y < 0.0 { -cos } else { cos }, 0.0);
+            Clearance { mm: (-at.dot(toward)).max(0.0), toward }
+        }
+    }
+
+    /// Off the wedge the clearance grows by a third of the move.
+    #[test]
+    fn a_body_that_touches_two_walls_is_wedged_and_gets_off_them() {
+        let touching = DVec3::new(-1.5 / 20f64.to_radians().sin(), 0.0, 0.0);
+        assert!((Wedge.clearance(touching).mm - 1.5).abs() < 1e-12);
+        let touching = touching - DVec3::X * 1e-9;
+        let pushed = advance(&Wedge, touching, DVec3::X * 0.3, 1.5);
+        assert!(pushed.wedged && !pushed.stuck && pushed.position == touching && pushed.blocked.is_some());
+        let aside = advance(&Wedge, touching, DVec3::Z * 0.05, 1.5);
+        assert!(!aside.wedged && aside.position.z > 0.04, "along both walls it slides");
+        let mut at = touching;
+        for _ in 0..100 {
+            let off = advance(&Wedge, at, DVec3::X * -4e-3, 1.5);
+            assert!(!off.wedged && off.clearance_mm >= 1.5);
+            at = off.position;
+        }
+        assert!((at.x - touching.x + 0.4).abs() < 1e-6, "{at}");
+    }
+
+    /// Pushed on for ten seconds, it does not gather a momentum that no motion shows, and a pull backwards acts at once.
+    #[test]
+    fn a_wedged_body_is_at_rest() {
+        use crate::dynamics::rigid::orientation;
+        use crate::dynamics::{Attitude, Body, RigidBodyState, STEP_S, Turning, step};
+
+        let body = Body::default();
+        let position = DVec3::X * (-body.radius_mm / 20f64.to_radians().sin() - 1e-9);
+        let orientation = orientation(Attitude::new(DVec3::X, DVec3::Z));
+        let mut at = RigidBodyState { position, momentum: DVec3::ZERO, orientation, angular: DVec3::ZERO };
+        let mut pushed = |acceleration: DVec3, steps: u32| {
+            for _ in 0..steps {
+                let push = acceleration * body.mass_g;
+                let turning = Turning::by_hand(DVec3::ZERO, 15.0);
+                at = step(body.integrator.stepper(), &body, &at, &push, &turning, &Wedge, STEP_S).motion;
+            }
+            at
+        };
+        let held = pushed(DVec3::new(200.0, 10.0, 0.0), 1200);
+        assert!(held.momentum == DVec3::ZERO && held.position.distance(position) < 0.1, "{held:?}");
+        let off = pushed(DVec3::X * -60.0, 120);
+        assert!(off.position.x < position.x - 3.0, "{off:?}");
     }
 
     /// A plane wall: the clearance is known.

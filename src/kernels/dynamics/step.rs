@@ -26,7 +26,8 @@ pub struct Step {
 /// Moves a body by `dt` seconds under `forces` and `turning`, both as given at the start of the step.
 ///
 /// The displacement goes through [`super::advance()`] regardless of what the method returns, so perforation is impossible
-/// by construction. The momentum into the wall is lost (inelastic). If a method overflows, the body stays where it is, at
+/// by construction. The momentum into the wall is lost (inelastic). A wedged body loses all of it: the clearance
+/// knows one of the walls that hold it, and the momentum into the others would grow without a motion. If a method overflows, the body stays where it is, at
 /// rest. A `dt` that is not positive and finite does not move it.
 #[doc(hidden)]
 pub fn step(
@@ -60,7 +61,7 @@ pub fn step_reporting(
     if let Some(into) = advance.blocked {
         next.momentum -= into * next.momentum.dot(into).max(0.0);
     }
-    if advance.stuck {
+    if advance.stuck || advance.wedged {
         next.momentum = DVec3::ZERO;
     }
     Step { motion: next, advance, cost }

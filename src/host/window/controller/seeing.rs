@@ -109,10 +109,14 @@ impl FlightController {
     fn wait_at_missed(&mut self, now: Instant) {
         if self.flight.tour().is_none()
             && let Some(place) = self.seen.goes_to.take()
-            && self.flight.stops_reached() > 0
         {
-            self.stop(now);
-            self.slices.aim(&self.flight, place, 0.0);
+            if self.flight.stops_reached() > 0 {
+                self.stop(now);
+                self.slices.aim(&self.flight, place, 0.0);
+            } else if self.flight.hangs() {
+                self.stop(now);
+                self.say("the camera does not get to the missed patch; its place in the list goes there at once", now);
+            }
         }
     }
 

@@ -4,6 +4,7 @@
 //! with bounded acceleration and jerk. The body still moves by forces alone ([`follower`]), so an operator may push it
 //! off the plan at any time and release it anywhere.
 
+pub mod back;
 pub mod follower;
 pub mod frames;
 pub mod profile;
@@ -222,24 +223,24 @@ impl Route {
 
     /// Returns the nearest position along the path, mm, that a free straight line from `at` (world mm) reaches.
     ///
-    /// If no line is free, returns the nearest position of all.
-    pub fn nearest_reachable(&self, walls: &impl Clearances, at: DVec3) -> f64 {
-        let places = self.nearest(at);
-        let free = |&&s: &&f64| !walls.enters(at, self.place(s));
-        places.iter().take(REACHABLE_TRIED).find(free).or(places.first()).copied().unwrap_or(0.0)
+    /// Returns `None` if no line is free: a body that flies towards a place behind a wall hangs there. Its own trail leads back, see
+    /// [`back::way_back`].
+    pub fn nearest_reachable(&self, walls: &impl Clearances, at: DVec3) -> Option<f64> {
+        let free = |&s: &f64| !walls.enters(at, self.place(s));
+        self.nearest(at).into_iter().take(REACHABLE_TRIED).find(free)
     }
 
     /// Returns the position along the path, mm, that a free straight line from `at` (world mm) reaches, near the path and nearest to
     /// `s` mm along it.
     ///
     /// For a path that passes the same places several times: positions up to 4 mm farther than the nearest one count as passes of the
-    /// same place.
-    pub fn nearest_pass(&self, walls: &impl Clearances, at: DVec3, s: f64) -> f64 {
-        let nearest = self.nearest_reachable(walls, at);
+    /// same place. Returns `None` if no line is free.
+    pub fn nearest_pass(&self, walls: &impl Clearances, at: DVec3, s: f64) -> Option<f64> {
+        let nearest = self.nearest_reachable(walls, at)?;
         let far = self.place(nearest).distance(at) + PASS_MM;
         let passes = self.nearest(at).into_iter().take_while(|&p| self.place(p).distance(at) <= far + STEP_MM);
         let free = passes.filter(|&p| self.place(p).distance(at) <= far && !walls.enters(at, self.place(p)));
-        free.min_by(|a, b| (a - s).abs().total_cmp(&(b - s).abs())).unwrap_or(nearest)
+        free.min_by(|a, b| (a - s).abs().total_cmp(&(b - s).abs())).or(Some(nearest))
     }
 
     /// Returns the least distance from the path to the nearest wall over the next 15 mm after `s` mm, mm.
@@ -336,9 +337,13 @@ mod tests {
             .collect();
         let r = Route::along(&line, &vec![2.0; line.len()], DVec3::Z).unwrap();
         let at = DVec3::new(10.0, 0.9, 2.0);
-        assert!((r.nearest_reachable(&RouteCache, at) - 10.0).abs() < 0.1);
+        assert!((r.nearest_reachable(&RouteCache, at).unwrap() - 10.0).abs() < 0.1);
         let above = DVec3::new(10.0, 2.5, 0.0);
-        assert!((r.nearest_reachable(&RouteCache, above) - 73.0).abs() < 1.0);
+        assert!((r.nearest_reachable(&RouteCache, above).unwrap() - 73.0).abs() < 1.0);
+        // Behind the shelf of a path that stays below it, there is no place to join.
+        let below = Route::along(&line[..41], &[2.0; 41], DVec3::Z).unwrap();
+        assert_eq!(below.nearest_reachable(&RouteCache, above), None);
+        assert_eq!(below.nearest_pass(&RouteCache, above, 10.0), None);
     }
 
     #[test]
@@ -350,9 +355,9 @@ mod tests {
             .collect();
         let r = Route::along(&line, &vec![2.0; line.len()], DVec3::Z).unwrap();
         let at = DVec3::new(10.0, 0.3, 0.0);
-        assert!((r.nearest_pass(&RouteCache, at, 12.0) - 10.0).abs() < 0.2);
-        assert!((r.nearest_pass(&RouteCache, at, 75.0) - 71.0).abs() < 1.0);
-        assert!((r.nearest_pass(&RouteCache, at - DVec3::Y * 20.0, 12.0) - 10.0).abs() < 0.2);
+        assert!((r.nearest_pass(&RouteCache, at, 12.0).unwrap() - 10.0).abs() < 0.2);
+        assert!((r.nearest_pass(&RouteCache, at, 75.0).unwrap() - 71.0).abs() < 1.0);
+        assert!((r.nearest_pass(&RouteCache, at - DVec3::Y * 20.0, 12.0).unwrap() - 10.0).abs() < 0.2);
     }
 
     #[test]
