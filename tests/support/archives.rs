@@ -56,7 +56,9 @@ fn started(mut command: impl FnMut(u16) -> Command) -> Running {
         let mut running = Running { port, child };
         let start = Instant::now();
         while start.elapsed() < Duration::from_secs(20) && running.child.try_wait().unwrap().is_none() {
-            if TcpStream::connect(("127.0.0.1", port)).is_ok() {
+            // A connection to a port that nobody listens at may be one with itself: its own port is drawn from the same range.
+            let is_other = |s: &TcpStream| s.local_addr().ok() != s.peer_addr().ok();
+            if TcpStream::connect(("127.0.0.1", port)).is_ok_and(|s| is_other(&s)) {
                 return running;
             }
             std::thread::sleep(Duration::from_millis(10));

@@ -26,9 +26,9 @@ pub struct Step {
 /// Moves a body by `dt` seconds under `forces` and `turning`, both as given at the start of the step.
 ///
 /// The displacement goes through [`super::advance()`] regardless of what the method returns, so perforation is impossible
-/// by construction. The momentum into the wall is lost (inelastic). A wedged body loses all of it: the clearance
-/// knows one of the walls that hold it, and the momentum into the others would grow without a motion. If a method overflows, the body stays where it is, at
-/// rest. A `dt` that is not positive and finite does not move it.
+/// by construction. The momentum into the wall is lost (inelastic). A wedged body loses all of it: the clearance names one
+/// of the walls that hold it, and the momentum into the others would grow without a motion. If a method overflows, the
+/// body stays where it is, at rest. A `dt` that is not positive and finite does not move it.
 #[doc(hidden)]
 pub fn step(
     method: &dyn Stepper,
