@@ -1,7 +1,7 @@
 //! The rest of a tour, after a stop that the camera has not reached.
 //!
 //! A camera that hangs before a stop gives the stop up and flies back over its own trail to the last place with room. The rest of the tour
-//! is planned from there: first the stops whose way does not lead past the place where it hung, then the others.
+//! is planned from there: first the stops to which a way leads on which the body fits, and not past the place where it hung, then the others.
 
 use std::sync::Arc;
 
@@ -74,10 +74,9 @@ impl FlightApp {
         let left = rest.len() + later.len();
         let walls = self.walls_to_tour()?;
         if hung.is_some() {
-            let past = self.leads_past_the_hang(&walls, &rest)?;
-            if past.iter().any(|p| !p) {
-                let all = rest.into_iter().zip(past);
-                let (behind, free): (Vec<_>, Vec<_>) = all.partition(|(_, past)| *past);
+            let doubtful = self.are_doubtful(&walls, &rest)?;
+            if doubtful.contains(&false) {
+                let (behind, free): (Vec<_>, Vec<_>) = rest.into_iter().zip(doubtful).partition(|(_, doubt)| *doubt);
                 rest = free.into_iter().map(|f| f.0).collect();
                 later.extend(behind.into_iter().map(|b| b.0));
             }
@@ -108,8 +107,9 @@ impl FlightApp {
         }
     }
 
-    /// Returns for each of `stops` whether the way there, from the last place with room, leads past the place where the camera hangs.
-    fn leads_past_the_hang(&self, walls: &WallDistance, stops: &[ReviewStop]) -> Result<Vec<bool>> {
+    /// Returns for each of `stops` whether the way there, from the last place with room, leads past the place where the camera hangs, or
+    /// through one that is narrower than the body. Ways are planned voxel by voxel, and the body obeys the exact clearance.
+    fn are_doubtful(&self, walls: &WallDistance, stops: &[ReviewStop]) -> Result<Vec<bool>> {
         let here = self.pose().position;
         let from = self.ways_back().first().and_then(|w| w.last()).copied().unwrap_or(here);
         let (Some(planned), Some(exact)) = (self.camera::<Planned>(), self.app.scan_get::<Walls>()) else {
@@ -118,8 +118,10 @@ impl FlightApp {
         let s = planned.route.nearest_pass(&exact.0, here, planned.s_mm).unwrap_or(planned.s_mm);
         let ahead = planned.route.place(s + AHEAD_MM);
         let places: Vec<DVec3> = std::iter::once(from).chain(stops.iter().map(|s| DVec3::from_array(s.at))).collect();
-        let legs = Legs::between(walls, &places, self.setup.scene.body.radius_mm, &self.progress)?;
-        let past = |n: usize| legs.line(0, n).is_some_and(|l| l.points.iter().any(|p| p.distance(ahead) < PAST_MM));
+        let radius_mm = self.setup.scene.body.radius_mm;
+        let legs = Legs::between(walls, &places, radius_mm, &self.progress)?;
+        let holds = |p: &DVec3| p.distance(ahead) < PAST_MM || exact.0.clearance(*p).mm < radius_mm;
+        let past = |n: usize| legs.line(0, n).is_some_and(|l| l.points.iter().any(holds));
         Ok((1..places.len()).into_par_iter().map(past).collect())
     }
 
