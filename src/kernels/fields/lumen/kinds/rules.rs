@@ -73,7 +73,7 @@ pub const RULES: &[Rule] = {
             is_airway(f) && f.lung_beside > 0.12 && f.below_lungs_mm.is_some_and(|mm| mm < 0.0)
         }),
         rule(Lung, 7.0, "it is not a tube and lies in the chest", |f, _| {
-            is_no_tube(f) && f.lung_beside > 0.12 && f.below_lungs_mm.is_some_and(|mm| mm < 0.0)
+            is_no_tube(f) && is_within(f) && f.lung_beside > 0.12 && f.below_lungs_mm.is_some_and(|mm| mm < 0.0)
         }),
         rule(Outside, 6.0, "it is a crevice, not a tube", |f, _| is_no_tube(f)),
     ]
@@ -82,6 +82,11 @@ pub const RULES: &[Rule] = {
 /// True for a narrow tube along the body, in its middle.
 fn is_airway(f: &Features) -> bool {
     f.caliber_mm < 30.0 && f.along_mm > 2.5 * f.caliber_mm && f.aside.abs() < 0.3 && (0.3..0.8).contains(&f.back)
+}
+
+/// True for what the body's skin can hold: not the air in a blanket around it, or on it.
+fn is_within(f: &Features) -> bool {
+    f.across < 1.0 && f.aside.abs() < 1.0 && (0.0..1.0).contains(&f.back)
 }
 
 /// True if the largest ball in it is much narrower than a tube of its volume and length: vessels or walls run through it.

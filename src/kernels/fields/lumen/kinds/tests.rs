@@ -103,6 +103,23 @@ fn each_rule_holds_for_a_body_made_for_it_and_not_for_a_plain_one() {
 }
 
 #[test]
+fn the_air_of_a_blanket_over_the_chest_is_not_lung() {
+    let lung = Features {
+        ml: 3000.0,
+        caliber_mm: 90.0,
+        widest_mm: 20.0,
+        lung_beside: 0.4,
+        below_lungs_mm: Some(-80.0),
+        ..plain()
+    };
+    let kind = |f: Features| judge(&f, Chain::Unknown, None).kind;
+    assert_eq!(kind(Features { across: 0.8, ..lung }), GasKind::Lung);
+    assert_eq!(kind(Features { across: 1.1, ..lung }), GasKind::Outside, "around the body");
+    assert_eq!(kind(Features { back: -0.1, ..lung }), GasKind::Outside, "on the belly");
+    assert_eq!(kind(Features { aside: -1.2, ..lung }), GasKind::Outside, "beside it");
+}
+
+#[test]
 fn a_body_is_unknown_where_nothing_leads_and_stays_in_the_colon_unless_it_is_spare() {
     let p = plain();
     let judged = judge(&p, Chain::Unknown, None);
