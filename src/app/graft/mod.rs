@@ -62,9 +62,9 @@ const FREE_MM: f64 = 2.5;
 /// Behind the wall there is tissue up to this depth, mm, brighter than that, HU: not the bore of a tube, nor another lumen.
 const BEHIND_MM: [f64; 2] = [1.2, 4.0];
 const BEHIND_HU: f64 = -350.0;
-/// The wall's own HU are the brightest of those at these depths, mm: it may be thin, with fat behind. They are the mean over so many
-/// places around, this far apart, mm, and at most that far from those of the scan's walls.
-const DEPTH_MM: [f64; 5] = [1.0, 1.4, 1.8, 2.2, 2.6];
+/// The wall's own HU are those at these depths, mm. They are the mean over so many places around, this far apart, mm, and at most that far
+/// from those of the scan's walls.
+const DEPTH_MM: [f64; 3] = [1.4, 1.8, 2.2];
 const AROUND: usize = 12;
 const AROUND_MM: f64 = 1.0;
 const OWN_HU: f64 = 20.0;
@@ -334,6 +334,6 @@ impl Grower<'_> {
             place + (u * cos + w * sin) * AROUND_MM * (1 + n / 6) as f64
         };
         let at = |mm: f64| (0..AROUND).map(|n| trilinear(scan, grid.voxel(beside(n) - up * mm))).sum::<f64>();
-        DEPTH_MM.map(|mm| at(mm) / AROUND as f64).into_iter().fold(f64::MIN, f64::max)
+        DEPTH_MM.map(|mm| at(mm) / AROUND as f64).into_iter().sum::<f64>() / DEPTH_MM.len() as f64
     }
 }

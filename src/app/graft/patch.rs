@@ -48,6 +48,8 @@ const EDGE_MM: f64 = 2.0;
 const BESIDE_MM: f64 = 4.0;
 const OTHER_HU: f64 = 200.0;
 const ROUNDS: usize = 2;
+/// Where less than this of a voxel is lumen, what is there has the noise of tissue, as far as gas has less.
+const CLEAR_SHARE: f64 = 0.75;
 /// Where less than this of the lumen's share is left, there is no edge.
 const LEAST_GAS: f64 = 0.02;
 /// A lesion that is more hidden in tissue than this is none.
@@ -163,7 +165,9 @@ pub(super) fn patch(
     let noise = scan.noise.near(form.root.place);
     let change = |n: usize| {
         let (voxel, share) = (lattice.voxel(n), share[n].clamp(0.0, 1.0));
-        let more = noise_added(scan, &noise, voxel, share, (base_hu, submerged));
+        // On the wall's own edge the noise is there already.
+        let clear = ((edge.gas[n] - CLEAR_SHARE) / (1.0 - CLEAR_SHARE)).clamp(0.0, 1.0);
+        let more = noise_added(scan, &noise, voxel, share * clear, (base_hu, submerged));
         let hu = signal[n] + more - edge.left_over(n, share);
         (hu.abs() >= 0.5).then_some((voxel, hu))
     };
