@@ -126,23 +126,23 @@ impl Bodies {
         self.segments.iter().map(|s| s.bounds_mm[0].z).fold(f64::INFINITY, f64::min)
     }
 
-    /// Returns the input of the ordering for each body, with its worth, mm.
-    pub(super) fn links(&self, grid: &Grid, worth_mm: impl Fn(usize) -> f64) -> Vec<Link> {
+    /// Returns the input of the ordering for each body of a patient of the given size. Its worth, mm, is that of its number and of the
+    /// length by which its fluid is longer than its gas, mm.
+    pub(super) fn links(&self, grid: &Grid, scale: f64, worth_mm: impl Fn(usize, f64) -> f64) -> Vec<Link> {
         let mut fluid = farthest(grid, &self.fluid, self.segments.len());
-        let link = |(n, s): (usize, &Segment)| Link {
-            fluid: std::mem::take(&mut fluid[n]),
-            ends: s.ends,
-            length_mm: s.length_mm,
-            joined_to: s.joined_to.clone(),
-            worth_mm: worth_mm(n),
+        let link = |(n, s): (usize, &Segment)| {
+            let fluid = std::mem::take(&mut fluid[n]);
+            let worth_mm = worth_mm(n, order::beyond(s.ends, &fluid, scale));
+            Link { fluid, ends: s.ends, length_mm: s.length_mm, joined_to: s.joined_to.clone(), worth_mm }
         };
         self.segments.iter().enumerate().map(link).collect()
     }
 
     /// Orders the bodies from rectum to cecum.
     pub(super) fn into_lumen(self, volume: &Volume, frame: Frame, landmarks: Option<Landmarks>) -> Lumen {
-        let body = Body::of(volume, self.lowest(), landmarks.as_ref().map_or(1.0, Landmarks::scale));
-        let order = order::order(&self.links(volume.grid(), |_| f64::INFINITY), &body);
+        let scale = landmarks.as_ref().map_or(1.0, Landmarks::scale);
+        let body = Body::of(volume, self.lowest(), scale);
+        let order = order::order(&self.links(volume.grid(), scale, |_, _| f64::INFINITY), &body);
         let mut place = vec![0u32; self.segments.len()];
         for (n, &(s, _)) in order.chain.iter().enumerate() {
             place[s] = n as u32;

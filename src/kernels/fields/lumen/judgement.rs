@@ -47,11 +47,12 @@ pub(super) fn lumen(volume: &Volume, core: Core, told: &[Told], frame: Frame, pr
     let Some(landmarks) = landmarks else { return Ok(bodies.into_lumen(volume, frame, None)) };
     let considered = considered(volume, &bodies, told, &landmarks);
     let judged: Vec<Judged> = considered.iter().map(|c| c.judged).collect();
-    // Parts that touch and are both colon become one again.
+    // Parts that touch and are both colon become one again. Cores that meet only where they were grown stay two: no way leads from one
+    // to the other, so ends of both together would be those of one.
     let mut sets = Sets::new(former.len());
     if is_divided {
         touching_labels(&bodies.gas, |a, b| {
-            if judged[a as usize].is_lumen && judged[b as usize].is_lumen {
+            if former[a as usize] == former[b as usize] && judged[a as usize].is_lumen && judged[b as usize].is_lumen {
                 sets.join(a, b);
             }
         });
@@ -100,14 +101,16 @@ fn considered(volume: &Volume, bodies: &Bodies, told: &[Told], landmarks: &Landm
     let features: Vec<Features> = (0..count)
         .map(|n| features::measure(&bodies.segments, n, &bodies.clearances[n], surfaces[n], landmarks))
         .collect();
-    let worth = |n: usize| {
+    let scale = landmarks.scale();
+    let worth = |n: usize, pool_mm: f64| {
         let f = &features[n];
         let wide = 2.0 * (f.caliber_mm - NARROW_MM[0]) / (NARROW_MM[1] - NARROW_MM[0]) - 1.0;
-        WORTH_MM + EVIDENCE_MM * rules::for_colon(f) + wide.clamp(-NARROW, 1.0) * f.length_mm.max(f.along_mm)
+        // A limb that is half full of fluid is longer than its gas.
+        let length_mm = f.length_mm.max(f.along_mm) + pool_mm / scale;
+        WORTH_MM + EVIDENCE_MM * rules::for_colon(f) + wide.clamp(-NARROW, 1.0) * length_mm
     };
-    let scale = landmarks.scale();
     let body = Body::of(volume, bodies.lowest(), scale);
-    let order = order::order(&bodies.links(volume.grid(), worth), &body);
+    let order = order::order(&bodies.links(volume.grid(), scale, worth), &body);
     let is_trusted = order.trusted && !landmarks.is_chest();
     let links = &order.chain[..order.passed];
     let is_whole = is_trusted && order.length_mm >= WHOLE_MM * scale;

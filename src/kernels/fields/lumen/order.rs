@@ -74,6 +74,17 @@ impl Body {
     fn unlike_cecum(&self, p: DVec3) -> f64 {
         ((p.x - self.centre.x) / self.scale + 2.0 * CECUM_RIGHT_MM).max(0.0) + 0.3 * (p.z - self.lowest) / self.scale
     }
+
+    /// True for a position near the midline, and low.
+    fn may_be_rectum(&self, p: DVec3) -> bool {
+        (p.x - self.centre.x).abs() <= RECTUM_ASIDE_MM * self.scale
+            && p.z <= self.span[0] + RECTUM_HEIGHT * (self.span[1] - self.span[0])
+    }
+
+    /// True for a position on the right.
+    fn may_be_cecum(&self, p: DVec3) -> bool {
+        p.x <= self.centre.x - CECUM_RIGHT_MM * self.scale
+    }
 }
 
 /// Input of the ordering: a segment's ends in any order, its length, and the segments that fluid joins to it.
@@ -102,7 +113,7 @@ pub(super) struct SegmentOrder {
     pub length_mm: f64,
 }
 
-/// Returns the cheapest chain of the segments (given by volume, the largest first) from rectum to cecum.
+/// Returns the cheapest chain of the segments (given by volume, the largest first) from where a rectum may be to where a cecum may be.
 ///
 /// Each is passed at most once, in either direction; leaving one out costs its worth. The first end's position, the gaps and the
 /// last end's position have a cost. Exact, by dynamic programming over subsets (Held and Karp 1962).
@@ -118,7 +129,10 @@ pub(super) fn order(links: &[Link], body: &Body) -> SegmentOrder {
     let states = 2 * n;
     let mut best = vec![(f64::INFINITY, usize::MAX); (1 << n) * states];
     for s in 0..states {
-        best[(1 << (s / 2)) * states + s] = (rectal(&links[s / 2], entry(s / 2, s % 2 == 1), body).0, usize::MAX);
+        let (cost, at) = rectal(&links[s / 2], entry(s / 2, s % 2 == 1), body);
+        if body.may_be_rectum(at) {
+            best[(1 << (s / 2)) * states + s] = (cost, usize::MAX);
+        }
     }
     for set in 1..1usize << n {
         for s in (0..states).filter(|s| set >> (s / 2) & 1 == 1) {
@@ -136,13 +150,14 @@ pub(super) fn order(links: &[Link], body: &Body) -> SegmentOrder {
     let worth = |set: usize| -> f64 {
         (0..n).filter(|s| set >> s & 1 == 1 && must >> s & 1 == 0).map(|s| links[s].worth_mm).sum()
     };
-    // The cheapest end of the cheapest set; the larger set of two equal ones.
+    // The cheapest end of the cheapest set; the larger set of two equal ones. What ends where no cecum is is no colon, however cheap: a
+    // collapsed sigmoid may lie farther from its other limb than the rectum does from the cecum.
     let mut end: Option<(f64, usize, usize)> = None;
     for set in (1..1usize << n).rev().filter(|set| set & must == must) {
         let worth = worth(set);
-        for s in (0..states).filter(|s| set >> (s / 2) & 1 == 1) {
+        for s in (0..states).filter(|s| set >> (s / 2) & 1 == 1 && body.may_be_cecum(exit(s / 2, s % 2 == 1))) {
             let total = best[set * states + s].0 + body.unlike_cecum(exit(s / 2, s % 2 == 1)) - worth;
-            if end.is_none_or(|e| total < e.0) {
+            if total < end.map_or(f64::INFINITY, |e| e.0) {
                 end = Some((total, set, s));
             }
         }
@@ -167,13 +182,23 @@ pub(super) fn order(links: &[Link], body: &Body) -> SegmentOrder {
 }
 
 /// Returns how unlike the rectum an end of a segment is, mm in an adult, and the place that is. A rectum that is full of fluid has none of
-/// the segment's gas: then the fluid at that end is looked at, which costs its way.
+/// the segment's gas: then the fluid at that end is looked at, which costs its way. What is nearer to the other end lies behind that.
 fn rectal(link: &Link, end: DVec3, body: &Body) -> (f64, DVec3) {
-    let by_fluid = link.fluid.iter().filter(|f| f.distance(end) <= POOL_MM * body.scale).map(|f| {
+    let at_end = |f: &&DVec3| {
+        let mm = f.distance(end);
+        mm <= POOL_MM * body.scale && link.ends.iter().all(|e| mm <= f.distance(*e))
+    };
+    let by_fluid = link.fluid.iter().filter(at_end).map(|f| {
         let way = FLUID_GAP * f.distance(end) / body.scale;
         (body.unlike_rectum(*f) + way, *f)
     });
     by_fluid.fold((body.unlike_rectum(end), end), |a, b| if b.0 < a.0 { b } else { a })
+}
+
+/// Returns how far the fluid of a segment reaches beyond its nearer end, mm, in a patient of the given size.
+pub(super) fn beyond(ends: [DVec3; 2], fluid: &[DVec3], scale: f64) -> f64 {
+    let far = fluid.iter().map(|f| f.distance(ends[0]).min(f.distance(ends[1])));
+    far.filter(|&mm| mm <= POOL_MM * scale).fold(0.0, f64::max)
 }
 
 /// Returns the length of a chain with its gaps, mm.
@@ -198,10 +223,9 @@ fn is_colon(links: &[Link], chain: &[(usize, bool)], body: &Body) -> bool {
     let (rectum, cecum) = (rectal(&links[first.0], end(first, false), body).1, end(last, true));
     let between = |w: &[(usize, bool)]| gap_mm(&links[w[0].0], &links[w[1].0], end(&w[0], true), end(&w[1], false));
     let gaps: Vec<f64> = chain.windows(2).map(between).collect();
-    (rectum.x - body.centre.x).abs() <= RECTUM_ASIDE_MM * body.scale
+    body.may_be_rectum(rectum)
+        && body.may_be_cecum(cecum)
         && rectum.z <= cecum.z
-        && rectum.z <= body.span[0] + RECTUM_HEIGHT * (body.span[1] - body.span[0])
-        && cecum.x <= body.centre.x - CECUM_RIGHT_MM * body.scale
         && gaps.iter().all(|&g| g <= WIDEST_GAP_MM * body.scale)
         && length(links, chain) >= LEAST_COLON_MM * body.scale
 }
@@ -254,6 +278,42 @@ mod tests {
         assert!(with_fluid(DVec3::new(0.0, 60.0, -140.0)), "below the gas");
         assert!(!with_fluid(DVec3::new(0.0, 60.0, -20.0)), "above it");
         assert!(!with_fluid(DVec3::new(100.0, 60.0, -140.0)), "far aside");
+    }
+
+    #[test]
+    fn fluid_counts_at_the_end_that_it_is_at() {
+        let [low, high] = [DVec3::new(0.0, 60.0, -100.0), DVec3::new(-20.0, -10.0, -60.0)];
+        let fluid = vec![DVec3::new(0.0, 70.0, -120.0), DVec3::new(300.0, 0.0, 0.0)];
+        assert_eq!(beyond([low, high], &fluid, 1.0), low.distance(fluid[0]), "the other is too far");
+        assert_eq!(beyond([low, high], &[], 1.0), 0.0);
+        let link = Link { ends: [low, high], length_mm: 90.0, joined_to: Vec::new(), fluid, worth_mm: f64::INFINITY };
+        assert_eq!(rectal(&link, low, &BODY).1, link.fluid[0]);
+        assert_eq!(rectal(&link, high, &BODY).1, high, "it lies behind the other end");
+    }
+
+    /// The gas of a child-sized phantom: the collapsed sigmoid is longer than the way from the rectum to the cecum.
+    #[test]
+    fn a_chain_from_the_rectum_to_the_cecum_is_preferred_to_a_cheaper_one_to_the_sigmoid() {
+        let link = |from: [f64; 3], to: [f64; 3], length_mm: f64| Link {
+            ends: [DVec3::from(from), DVec3::from(to)],
+            length_mm,
+            joined_to: Vec::new(),
+            fluid: Vec::new(),
+            worth_mm: f64::INFINITY,
+        };
+        let links = [
+            link([67.0, 28.0, 65.0], [-64.0, 29.0, 36.0], 257.0),
+            link([-21.0, -8.0, -36.0], [1.0, 32.0, -90.0], 117.0),
+            link([17.0, -31.0, -77.0], [67.0, 34.0, 8.0], 147.0),
+            link([-65.0, 26.0, -24.0], [-54.0, 12.0, -58.0], 36.0),
+        ];
+        let body = Body { centre: DVec3::new(0.0, 3.0, -5.0), span: [-122.0, 116.0], lowest: -105.0, scale: 0.574 };
+        let found = order(&links, &body);
+        assert!(found.trusted);
+        assert_eq!(found.chain, [(1, true), (2, false), (0, false), (3, false)]);
+        // A sigmoid alone is no colon.
+        let found = order(&links[2..3], &body);
+        assert!(!found.trusted && found.passed == 0 && found.chain.len() == 1);
     }
 
     #[test]

@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::rules::{RULES, for_colon, weigh};
 use super::{Chain, Features, GasKind, judge};
 use crate::checks::cases;
-use crate::fields::lumen;
+use crate::fields::lumen::{self, Lumen};
 use crate::phantom::{Phantom, PhantomSettings, Position, Size};
 use crate::progress::Progress;
 use crate::shared::shared;
@@ -35,15 +35,40 @@ fn what_is_called_colon_is_the_colon() {
         assert!(ileum < 1.0, "seed {seed}: {ileum} ml of ileum");
         assert!(lumen.ordered && lumen.segments.len() > 1, "seed {seed}");
         assert_eq!(lumen.lying.map(|l| l.position), Some(expected), "seed {seed}");
-        let truth = phantom.truth();
-        let along = |p: DVec3| {
-            let far = |q: &DVec3| q.distance(p);
-            let nearest = (0..truth.centerline.len())
-                .min_by(|&a, &b| far(&truth.centerline[a]).total_cmp(&far(&truth.centerline[b])));
-            nearest.unwrap()
-        };
-        let places: Vec<usize> = lumen.segments.iter().flat_map(|s| s.ends).map(along).collect();
+        let places = places(&phantom, &lumen);
         assert!(places.is_sorted(), "seed {seed}: {places:?}");
+    }
+}
+
+/// The ends of the segments in their order, as numbers of points of the true centerline.
+fn places(phantom: &Phantom, lumen: &Lumen) -> Vec<usize> {
+    let truth = phantom.truth();
+    let along = |p: DVec3| {
+        let far = |q: &DVec3| q.distance(p);
+        let nearest = (0..truth.centerline.len())
+            .min_by(|&a, &b| far(&truth.centerline[a]).total_cmp(&far(&truth.centerline[b])));
+        nearest.unwrap()
+    };
+    lumen.segments.iter().flat_map(|s| s.ends).map(along).collect()
+}
+
+#[test]
+fn limbs_full_of_fluid_do_not_hide_the_order() {
+    // A limb of fluid with only bubbles of gas between two collapsed stretches, and two bodies of gas that touch only where they were
+    // grown to the wall: as one, they would end where one of them does, and the line would miss the other.
+    for seed in [101, 107] {
+        let settings = PhantomSettings {
+            polyps: false,
+            lungs: false,
+            pelvis: false,
+            ..PhantomSettings::with_all_gas(Size::Small, seed, Position::Supine)
+        };
+        let (phantom, volume) = shared(&settings);
+        let lumen = lumen::find(&volume, &Progress::new()).unwrap();
+        let places = places(&phantom, &lumen);
+        assert!(lumen.ordered && places.is_sorted(), "seed {seed}: {places:?}");
+        let whole = phantom.truth().centerline.len();
+        assert!(places.windows(2).all(|w| w[1] - w[0] < whole / 3), "seed {seed}: {places:?} of {whole}");
     }
 }
 
