@@ -134,10 +134,14 @@ pub(super) fn order(links: &[Link], body: &Body) -> SegmentOrder {
             best[(1 << (s / 2)) * states + s] = (cost, usize::MAX);
         }
     }
+    let least: Vec<f64> =
+        (0..n).map(|s| [false, true].map(|w| rectal(&links[s], entry(s, w), body).0)).map(|c| c[0].min(c[1])).collect();
     for set in 1..1usize << n {
+        // The first of those passed is the one most like a rectum: a pool low and behind in the pelvis is not passed on the way.
+        let first = (0..n).filter(|s| set >> s & 1 == 1).map(|s| least[s]).fold(f64::INFINITY, f64::min);
         for s in (0..states).filter(|s| set >> (s / 2) & 1 == 1) {
             let cost = best[set * states + s].0;
-            for t in (0..states).filter(|t| set >> (t / 2) & 1 == 0) {
+            for t in (0..states).filter(|t| set >> (t / 2) & 1 == 0 && least[t / 2] >= first) {
                 let c = cost + gap(s / 2, t / 2, exit(s / 2, s % 2 == 1), entry(t / 2, t % 2 == 1));
                 let to = &mut best[(set | 1 << (t / 2)) * states + t];
                 if c < to.0 {
@@ -291,7 +295,7 @@ mod tests {
         assert_eq!(rectal(&link, high, &BODY).1, high, "it lies behind the other end");
     }
 
-    /// The gas of a child-sized phantom: the collapsed sigmoid is longer than the way from the rectum to the cecum.
+    /// The gas of small phantoms: the collapsed sigmoid is longer than the way from the rectum to the cecum.
     #[test]
     fn a_chain_from_the_rectum_to_the_cecum_is_preferred_to_a_cheaper_one_to_the_sigmoid() {
         let link = |from: [f64; 3], to: [f64; 3], length_mm: f64| Link {
@@ -301,7 +305,7 @@ mod tests {
             fluid: Vec::new(),
             worth_mm: f64::INFINITY,
         };
-        let links = [
+        let mut links = vec![
             link([67.0, 28.0, 65.0], [-64.0, 29.0, 36.0], 257.0),
             link([-21.0, -8.0, -36.0], [1.0, 32.0, -90.0], 117.0),
             link([17.0, -31.0, -77.0], [67.0, 34.0, 8.0], 147.0),
@@ -311,6 +315,14 @@ mod tests {
         let found = order(&links, &body);
         assert!(found.trusted);
         assert_eq!(found.chain, [(1, true), (2, false), (0, false), (3, false)]);
+        // A pool in the pelvis is the rectum's: its segment is not passed on the way from the sigmoid.
+        links[1] = link([-22.0, -8.0, -36.0], [-6.0, 24.0, -32.0], 62.0);
+        links[1].fluid = vec![DVec3::new(15.0, 36.0, -81.0), DVec3::new(-3.0, 60.0, -66.0)];
+        links[2] = link([67.0, 31.0, 7.0], [18.0, -31.0, -79.0], 151.0);
+        links.push(link([-3.0, 8.0, 3.0], [-37.0, 8.0, 10.0], 42.0));
+        let body = Body { lowest: -88.0, ..body };
+        let found = order(&links, &body);
+        assert_eq!(found.chain[0].0, 1, "{found:?}");
         // A sigmoid alone is no colon.
         let found = order(&links[2..3], &body);
         assert!(!found.trusted && found.passed == 0 && found.chain.len() == 1);
