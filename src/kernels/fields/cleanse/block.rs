@@ -227,6 +227,31 @@ impl Block {
             }
         }
     }
+    /// Replaces each value by what `of` keeps of those in a box of half sides `reach` around it, as far as it is in this box.
+    pub(super) fn spread(&self, values: &mut Vec<f32>, reach: [usize; 3], of: impl Fn(f32, f32) -> f32) {
+        let [nx, ny, nz] = self.dims;
+        let mut from = vec![0f32; values.len()];
+        for (to, row) in from.chunks_exact_mut(nx).zip(values.chunks_exact(nx)) {
+            for (x, to) in to.iter_mut().enumerate() {
+                let near = &row[x.saturating_sub(reach[0])..(x + reach[0] + 1).min(nx)];
+                *to = near[1..].iter().fold(near[0], |a, b| of(a, *b));
+            }
+        }
+        // Whole rows at once.
+        for (count, stride, reach) in [(ny, 1, reach[1]), (nz, ny, reach[2])] {
+            std::mem::swap(values, &mut from);
+            from.copy_from_slice(values);
+            for row in 0..ny * nz {
+                let n = row / stride % count;
+                let to = &mut from[row * nx..(row + 1) * nx];
+                for m in n.saturating_sub(reach)..(n + reach + 1).min(count) {
+                    let other = (row + m * stride - n * stride) * nx;
+                    to.iter_mut().zip(&values[other..other + nx]).for_each(|(t, o)| *t = of(*t, *o));
+                }
+            }
+        }
+        std::mem::swap(values, &mut from);
+    }
 }
 
 /// The lowest `count` bits.

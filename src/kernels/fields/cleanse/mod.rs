@@ -8,6 +8,7 @@
 //!
 //! No value depends on the number of threads: the scan is worked on in bricks, each by itself.
 
+mod beside;
 mod block;
 mod changes;
 mod islands;

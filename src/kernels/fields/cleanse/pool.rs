@@ -18,9 +18,10 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
+use super::beside::Beside;
 use super::block::{Block, Bricks, CellMeans, Mask, Phi};
 use super::changes::Changes;
 use super::model::{CleansedPool, Left};
@@ -37,6 +38,8 @@ use crate::volume::Volume;
 
 /// Standard deviation of the neighbourhood, mm.
 const NEIGHBOURHOOD_MM: f64 = 0.6;
+/// The largest share of tissue that a wall's curvature may add or take: that of an edge of 1 mm radius.
+const STRAIGHTENED: f32 = 0.15;
 /// How far from fluid values are replaced along each axis, mm: less than 5 mm along a diagonal.
 const REACH_MM: f64 = 2.85;
 /// Minimum contrast of tag, HU.
@@ -53,6 +56,8 @@ const TEXTURE: f32 = 80.0;
 /// its brightness left. So it is below this depth, σ; at a level, gas and fluid are the lumen's two sides everywhere.
 const SLAB_MM: f64 = 3.0;
 const DEEP: f32 = 3.5;
+/// It is tag if it is darker than tag by less than this share of the contrast to tissue.
+const TAG_SHARE: f32 = 0.3;
 /// Deviation above which a column does not belong to a level, mm.
 const LEVEL_MM: f64 = 0.7;
 /// Minimum number of pure tag voxels for an estimate of its brightness.
@@ -147,7 +152,18 @@ pub(super) fn cleanse(
     let groups: Vec<&[(usize, usize)]> = work.chunk_by(|a, b| a.0 == b.0).collect();
     let sharpened = Sharpened::new(scanner.blur_mm, NEIGHBOURHOOD_MM);
     let slabs = Slabs::new(volume.grid().spacing(), SLAB_MM);
-    let shared = Shared { volume, lumen, split, bricks, phi: Phi::new(), sharpened, slabs };
+    let spacing = volume.grid().spacing().to_array();
+    let shared = Shared {
+        volume,
+        lumen,
+        split,
+        bricks,
+        phi: Phi::new(),
+        sharpened,
+        slabs,
+        beside: Beside::new(scanner.blur_mm, spacing),
+        inner: inner(scanner, spacing),
+    };
     let together = |group: &[(usize, usize)]| {
         progress.check()?;
         if let [(brick, pool)] = group {
@@ -214,6 +230,11 @@ fn reach(volume: &Volume) -> [usize; 3] {
     (REACH_MM / volume.grid().spacing()).floor().to_array().map(|r| (r as usize).clamp(1, MARGIN))
 }
 
+/// How far within fluid no other material is seen, voxels.
+fn inner(scanner: &Scanner, spacing: [f64; 3]) -> [usize; 3] {
+    spacing.map(|h| ((1.6 * scanner.blur_mm / h).ceil() as usize).clamp(1, 6))
+}
+
 /// The top of a column of fluid: its voxel, and the values along it from four voxels above to six below, HU.
 type Column = ([i64; 3], [f32; 11]);
 
@@ -244,7 +265,7 @@ fn survey(
     let voxels: usize = fluid.runs.iter().map(|r| r.2.len()).sum();
     let ml = voxels as f64 * grid.voxel_ml();
     let down = split.down;
-    let inner = (1.6 * scanner.blur_mm / grid.spacing()).ceil().to_array().map(|n| (n as usize).clamp(1, 6));
+    let inner = inner(scanner, grid.spacing().to_array());
     let away = (2.2 * scanner.blur_mm / grid.spacing()).ceil().to_array().map(|n| (n as usize).clamp(1, 6));
     let reach = reach(volume);
     let sums: Vec<Sums> = bricks
@@ -429,6 +450,9 @@ struct Shared<'a> {
     phi: Phi,
     sharpened: Sharpened,
     slabs: Slabs,
+    beside: Beside,
+    /// How far within fluid no other material is seen, voxels.
+    inner: [usize; 3],
 }
 
 impl Shared<'_> {
@@ -439,7 +463,9 @@ impl Shared<'_> {
         let wide = self.bricks.block(brick, reach(self.volume).map(|r| (2 * r).min(MARGIN)));
         let mask = wide.mask(self.lumen.fluid(), |n| self.split.labels[n] == Some(pool.label));
         let s = [0, 1, 2].map(|a| NEIGHBOURHOOD_MM / spacing[a]);
-        let block = self.bricks.block(brick, s.map(|s| ((3.0 * s).ceil() as usize).min(MARGIN)));
+        // What a voxel's own value needs, and its neighbours'.
+        let around = s.map(|s| ((3.0 * s).ceil() as usize + 1).min(MARGIN));
+        let block = self.bricks.block(brick, around);
         let per_sigma = (spacing[pool.down.axis] / pool.blur_mm) as f32;
         // The depth along a row is linear.
         let depth_at =
@@ -467,7 +493,7 @@ impl Shared<'_> {
         let mut mixed = vec![0f32; block.len()];
         let mut own = vec![0f32; block.len()];
         let mut dark = vec![0f32; block.len()];
-        let mut tag_hu = vec![0f32; nx];
+        let mut tag = vec![0f32; block.len()];
         let wide_hu = wide.load(self.volume);
         let near = self.downhill(&wide, &wide_hu, &mask);
         let risen = risen(pool, &wide, &wide_hu, &near, depth_at, slope).map_or_else(Risen::none, |[risen, fluid]| {
@@ -478,20 +504,21 @@ impl Shared<'_> {
             };
             Risen::new([&risen, &fluid, &gas], &wide_hu, [&wide, &block], spacing / pool.blur_mm, materials)
         });
+        let brighter = self.brighter(pool, brick, &block, depth_at);
         // Rows whose neighbourhoods hold nothing that is asked for stay empty.
-        let needed = block.rows_around(&near, s.map(|s| (3.0 * s).ceil() as usize));
+        let needed = block.rows_around(&near, around);
         for from in (0..block.len()).step_by(nx).filter(|from| needed[from / nx]) {
             let v = block.voxel(from);
             let row = from..from + nx;
             pool.gas.row(v, &mut dark[row.clone()]);
             pool.tissue.row(v, &mut own[row.clone()]);
-            pool.tag.row(v, &mut tag_hu);
+            pool.tag.row(v, &mut tag[row.clone()]);
             let level = depth_at(v);
             for (x, n) in row.enumerate() {
-                let tag = tag_hu[x].max(TISSUE + CONTRAST);
-                own[n] = own[n].clamp(TISSUE - 20.0, TISSUE + 150.0).min(tag - 0.5 * CONTRAST);
+                tag[n] = (tag[n] + brighter[n]).max(TISSUE + CONTRAST);
+                own[n] = own[n].clamp(TISSUE - 20.0, TISSUE + 150.0).min(tag[n] - 0.5 * CONTRAST);
                 let depth = risen.get(n).unwrap_or(level + slope * x as f32);
-                mixed[n] = dark[n] + (tag - dark[n]) * self.phi.at(depth)[0];
+                mixed[n] = dark[n] + (tag[n] - dark[n]) * self.phi.at(depth)[0];
                 let contrast = own[n] - mixed[n];
                 product[n] = contrast * (hu[n] - mixed[n]);
                 square[n] = contrast * contrast;
@@ -499,6 +526,8 @@ impl Shared<'_> {
         }
         block.blur(&mut product, s);
         block.blur(&mut square, s);
+        let mut share = product;
+        share.iter_mut().zip(&square).for_each(|(p, square)| *p /= square.max(1.0));
         let mut open = wide.mask(self.lumen.fluid(), |_| true);
         open.add(&wide.mask(self.lumen.gas(), |_| true));
         near.each_own(|at, v| {
@@ -509,17 +538,49 @@ impl Shared<'_> {
             if ours == 0.0 {
                 return;
             }
-            let p = self.sharpened.at(product[n] / square[n].max(1.0));
+            let p = self.sharpened.at(share[n] + straightened(&share, n, block.strides(), spacing));
             let clean = dark[n] + (TISSUE - dark[n]) * p;
             // Tissue keeps its own texture. What is brighter is fluid that climbs the wall.
             let rest = (hu[n] - (own[n] * p + mixed[n] * (1.0 - p))).min(TEXTURE);
             let clean = clean + rest * step(0.9, 1.0, p);
             let clean = (hu[n] + (clean - hu[n]) * ours).round() as i16;
             let was_wall = depth > DEEP && hu[n] > f32::from(WALL_HU) && !open.has(at);
-            let is_thin = was_wall && clean < SOLID_HU && self.slabs.is_within(&wide, &open, at);
+            // As bright as the tag here, it is no wall however dark.
+            let is_tag = |n: usize| tag[n] - hu[n] < TAG_SHARE * (tag[n] - own[n]);
+            let is_thin = was_wall && clean < SOLID_HU && !is_tag(n) && self.slabs.is_within(&wide, &open, at);
             changed.push((index(v), if is_thin { SOLID_HU } else { clean }));
         });
         Changes::from_sorted(changed.into_iter())
+    }
+
+    /// Returns by how much the pool's tag is brighter around each voxel of a block of a brick than its mean, HU.
+    fn brighter(&self, pool: &Pool, brick: usize, block: &Block, depth_at: impl Fn([i64; 3]) -> f32) -> Vec<f32> {
+        let margin = self.beside.reach();
+        let wide = self.bricks.block(brick, [0, 1, 2].map(|a| (block.margin[a] + margin[a]).min(MARGIN)));
+        let nx = wide.dims[0];
+        let [mut usual, mut own] = [0, 1].map(|_| vec![0f32; wide.len()]);
+        for from in (0..wide.len()).step_by(nx) {
+            pool.tag.row(wide.voxel(from), &mut usual[from..from + nx]);
+            pool.tissue.row(wide.voxel(from), &mut own[from..from + nx]);
+        }
+        let scan = wide.load(self.volume);
+        let hu = self.beside.smooth(&wide, scan.clone());
+        let mut fluid = wide.mask(self.lumen.fluid(), |n| self.split.labels[n] == Some(pool.label));
+        // Some of the tag may be too faint for the lumen; what is so bright along an edge alone is not.
+        let mut faint = fluid.dilated(reach(self.volume));
+        faint.keep(|n| !fluid.has(n) && hu[n] > own[n] + CONTRAST);
+        let mut faint = faint.eroded([1; 3]);
+        if !faint.is_empty() {
+            let near = self.downhill(&wide, &scan, &fluid);
+            faint.keep(|n| near.has(n));
+            fluid.add(&faint.dilated([1; 3]));
+        }
+        let mut deep = fluid.clone();
+        deep.keep(|n| depth_at(wide.voxel(n)) > DEEP);
+        let mut pure = fluid.eroded(self.inner);
+        pure.keep(|n| deep.has(n));
+        let found = self.beside.brighter(&wide, &hu, &usual, [&fluid, &deep, &pure]);
+        (0..block.len()).map(|n| found[wide.index(block.voxel(n))]).collect()
     }
 
     /// Returns what lies around fluid: the voxels within reach to which values never rise on the way, but for texture. What rises
@@ -530,7 +591,7 @@ impl Shared<'_> {
         let mut open = Vec::new();
         mask.each(|n| open.push(n));
         let strides = block.strides();
-        let longest = block.margin.into_iter().min().unwrap_or(0);
+        let longest = reach(self.volume).map(|r| (2 * r).min(MARGIN)).into_iter().min().unwrap_or(0);
         for _ in 0..longest {
             let mut next = Vec::new();
             for n in open {
@@ -562,6 +623,41 @@ impl Shared<'_> {
         alone.into_iter().for_each(|n| near.set(n));
         near
     }
+}
+
+/// Returns what the blur of the neighbourhood has taken from the tissue's share `p` at the index `n` of a block because the wall is curved:
+/// a Gaussian of variance s² adds `s²/2 ∇²p` to first order, of which `s²/2 (∇²p − ∂²p/∂n²)`, along the wall, moves an edge of curvature κ by
+/// `s² κ / 2`, while the rest only widens it.
+fn straightened(p: &[f32], n: usize, strides: [usize; 3], spacing: DVec3) -> f32 {
+    if !(0.01..0.99).contains(&p[n]) {
+        return 0.0;
+    }
+    // Derivatives along some axes, each with the weights 1, 2, 1 along the others, which takes most of the noise.
+    const WEIGHTS: [[f32; 3]; 3] = [[0.25, 0.5, 0.25], [-0.5, 0.0, 0.5], [1.0, -2.0, 1.0]];
+    let h = spacing.as_vec3();
+    let orders = [[1, 0, 0], [0, 1, 0], [0, 0, 1], [2, 0, 0], [0, 2, 0], [0, 0, 2]];
+    let crossed = [[1, 1, 0], [0, 1, 1], [1, 0, 1]];
+    let mut found = [0f32; 9];
+    for (z, plane) in (0..3).map(|z| (z, n + z * strides[2] - strides[2])) {
+        for (y, row) in (0..3).map(|y| (y, plane + y * strides[1] - strides[1])) {
+            let line = &p[row - 1..row + 2];
+            let along: [f32; 3] = WEIGHTS.map(|w| w[0] * line[0] + w[1] * line[1] + w[2] * line[2]);
+            for (found, [i, j, k]) in found.iter_mut().zip(orders.into_iter().chain(crossed)) {
+                *found += along[i] * WEIGHTS[j][y] * WEIGHTS[k][z];
+            }
+        }
+    }
+    let [x, y, z, xx, yy, zz, xy, yz, zx] = found;
+    let slope = Vec3::new(x, y, z) / h;
+    let second = Vec3::new(xx, yy, zz) / (h * h);
+    let mixed = Vec3::new(xy / (h.x * h.y), yz / (h.y * h.z), zx / (h.z * h.x));
+    let square = slope.length_squared();
+    if square < 1e-4 {
+        return 0.0;
+    }
+    let across = second.dot(slope * slope) + 2.0 * mixed.dot(slope * Vec3::new(slope.y, slope.z, slope.x));
+    let along = second.element_sum() - across / square;
+    (-0.5 * (NEIGHBOURHOOD_MM * NEIGHBOURHOOD_MM) as f32 * along).clamp(-STRAIGHTENED, STRAIGHTENED)
 }
 
 /// A table of `Φ(√(1 + s²/σ²) Φ⁻¹(p))`.

@@ -4,7 +4,7 @@
 //! Around it, each voxel is examined along the normal of the gas, and [`layer`](super::layer) finds where gas ends and tissue
 //! begins there.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -59,6 +59,10 @@ const BRIGHTER: [f32; 2] = [100.0, 300.0];
 /// scan without pools, HU.
 const LIKE_POOLS: f64 = 0.6;
 const LIKE_TAG: f64 = 280.0;
+/// But what is as bright at this distance to nearly all sides is a lump of tag, mm; of fourteen sides so many may have bubbles.
+const THICK_MM: f64 = 2.4;
+const THICK_HU: f64 = 200.0;
+const BUBBLES: usize = 3;
 /// Values of gas, HU.
 const GAS_LEAST: f32 = -1010.0;
 const GAS_MOST: f32 = -820.0;
@@ -146,10 +150,12 @@ pub(super) fn cleanse(
     let least = if usual.is_finite() { LIKE_POOLS * usual } else { LIKE_TAG };
     let [nx, ny, _] = grid.dims();
     let all = voxels.len();
+    let thick = thick(volume, &voxels, &bricks);
     voxels.retain(|n| {
+        let at = [n % nx, n / nx % ny, n / nx / ny];
         let mut here = [0.0];
-        tag.row([n % nx, n / nx % ny, n / nx / ny].map(|c| c as i64), &mut here);
-        f64::from(here[0]) > least
+        tag.row(at.map(|c| c as i64), &mut here);
+        f64::from(here[0]) > least || thick.contains(&[0, 1, 2].map(|a| at[a] / bricks.cell[a]))
     });
     if voxels.len() < all {
         out.left.push(Left { ml: (all - voxels.len()) as f64 * grid.voxel_ml(), why: FAINT });
@@ -329,6 +335,32 @@ fn rows(dims: [usize; 3], voxels: &[usize]) -> Result<Rows> {
         }
     }
     Rows::from_slices(dims, slices)
+}
+
+/// Returns the cells within a lump of tag and up to two cells around it. A wall, with a contrast agent or brightened by tag, is never as
+/// thick: tag is where nearly all of fourteen points at the distance [`THICK_MM`] are bright, too, and together clearly so.
+fn thick(volume: &Volume, voxels: &[usize], bricks: &Bricks) -> BTreeSet<[usize; 3]> {
+    let (dims, spacing) = (volume.grid().dims(), volume.grid().spacing());
+    let along = (0..3).flat_map(|a| [-1.0, 1.0].map(|s| s * DVec3::AXES[a]));
+    let across =
+        (0..8).map(|n| DVec3::from_array([0, 1, 2].map(|a| if n >> a & 1 == 0 { 1.0 } else { -1.0 })).normalize());
+    let around: Vec<[i64; 3]> =
+        along.chain(across).map(|d| (d * THICK_MM / spacing).round().to_array().map(|c| c as i64)).collect();
+    let is_core = |at: [usize; 3]| {
+        let hu = around.iter().map(|d| {
+            let [i, j, k] = [0, 1, 2].map(|a| (at[a] as i64 + d[a]).clamp(0, dims[a] as i64 - 1));
+            f64::from(volume.get(i, j, k))
+        });
+        let (count, sum) = hu.filter(|hu| *hu > f64::from(BRIGHT)).fold((0, 0.0), |(n, sum), hu| (n + 1, sum + hu));
+        count + BUBBLES >= around.len() && sum > THICK_HU * count as f64
+    };
+    let place = |n: usize| [n % dims[0], n / dims[0] % dims[1], n / dims[0] / dims[1]];
+    let cores: Vec<[usize; 3]> = voxels.par_iter().map(|n| place(*n)).filter(|at| is_core(*at)).collect();
+    let cells: BTreeSet<[usize; 3]> = cores.iter().map(|at| [0, 1, 2].map(|a| at[a] / bricks.cell[a])).collect();
+    let near = |c: usize| c.saturating_sub(2)..=c + 2;
+    let beside =
+        |&[x, y, z]: &[usize; 3]| near(z).flat_map(move |z| near(y).flat_map(move |y| near(x).map(move |x| [x, y, z])));
+    cells.iter().flat_map(beside).collect()
 }
 
 /// Returns how bright pure tag is around each place: the brightest within a cell or beside it.
