@@ -59,7 +59,9 @@ impl Beside {
         [fluid, deep, pure]: [&Mask; 3],
     ) -> Vec<f32> {
         let among = |mask: &Mask, values: &[f32], other: f32| -> Vec<f32> {
-            values.iter().enumerate().map(|(n, v)| if mask.has(n) { *v } else { other }).collect()
+            let mut out = vec![other; values.len()];
+            mask.each(|n| out[n] = values[n]);
+            out
         };
         let mut most = among(fluid, hu, f32::NEG_INFINITY);
         block.spread(&mut most, self.half, f32::max);

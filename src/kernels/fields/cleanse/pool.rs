@@ -538,7 +538,10 @@ impl Shared<'_> {
             if ours == 0.0 {
                 return;
             }
-            let p = self.sharpened.at(share[n] + straightened(&share, n, block.strides(), spacing));
+            // At a level an edge of gas and tag is curved as well.
+            let below = step(2.0, DEEP, depth);
+            let curved = if below > 0.0 { below * straightened(&share, n, block.strides(), spacing) } else { 0.0 };
+            let p = self.sharpened.at(share[n] + curved);
             let clean = dark[n] + (TISSUE - dark[n]) * p;
             // Tissue keeps its own texture. What is brighter is fluid that climbs the wall.
             let rest = (hu[n] - (own[n] * p + mixed[n] * (1.0 - p))).min(TEXTURE);
@@ -558,22 +561,29 @@ impl Shared<'_> {
         let margin = self.beside.reach();
         let wide = self.bricks.block(brick, [0, 1, 2].map(|a| (block.margin[a] + margin[a]).min(MARGIN)));
         let nx = wide.dims[0];
-        let [mut usual, mut own] = [0, 1].map(|_| vec![0f32; wide.len()]);
-        for from in (0..wide.len()).step_by(nx) {
-            pool.tag.row(wide.voxel(from), &mut usual[from..from + nx]);
-            pool.tissue.row(wide.voxel(from), &mut own[from..from + nx]);
-        }
         let scan = wide.load(self.volume);
         let hu = self.beside.smooth(&wide, scan.clone());
         let mut fluid = wide.mask(self.lumen.fluid(), |n| self.split.labels[n] == Some(pool.label));
         // Some of the tag may be too faint for the lumen; what is so bright along an edge alone is not.
         let mut faint = fluid.dilated(reach(self.volume));
-        faint.keep(|n| !fluid.has(n) && hu[n] > own[n] + CONTRAST);
-        let mut faint = faint.eroded([1; 3]);
+        faint.keep(|n| !fluid.has(n) && hu[n] > TISSUE + CONTRAST);
+        faint = faint.eroded([1; 3]);
         if !faint.is_empty() {
+            let (mut own, mut row) = (vec![0f32; nx], usize::MAX);
             let near = self.downhill(&wide, &scan, &fluid);
-            faint.keep(|n| near.has(n));
+            faint.keep(|n| {
+                if n / nx != row {
+                    row = n / nx;
+                    pool.tissue.row(wide.voxel(row * nx), &mut own);
+                }
+                near.has(n) && hu[n] > own[n % nx] + CONTRAST
+            });
             fluid.add(&faint.dilated([1; 3]));
+        }
+        let mut usual = vec![0f32; wide.len()];
+        let needed = wide.rows_around(&fluid, self.beside.reach());
+        for row in (0..needed.len()).filter(|row| needed[*row]) {
+            pool.tag.row(wide.voxel(row * nx), &mut usual[row * nx..(row + 1) * nx]);
         }
         let mut deep = fluid.clone();
         deep.keep(|n| depth_at(wide.voxel(n)) > DEEP);

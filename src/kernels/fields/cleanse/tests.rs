@@ -140,8 +140,10 @@ fn a_faint_lump_goes_and_a_wall_as_bright_stays() {
     let share = |is_one: &dyn Fn(DVec3) -> bool, hu: std::ops::Range<i16>| {
         let own = (0..grid.len())
             .filter(|&n| is_one(grid.world(DVec3::from_array([n % 60, n / 60 % 60, n / 3600].map(|c| c as f64)))));
-        let (count, all) = own.fold((0, 0), |(c, all), n| (c + usize::from(hu.contains(&made.data()[n])), all + 1));
-        count as f64 / all as f64
+        let (count, all) = own
+            .fold([0.0, 0.0], |[c, all], n| [c + f64::from(u8::from(hu.contains(&made.data()[n]))), all + 1.0])
+            .into();
+        count / all
     };
     let wall = |p: DVec3| p.truncate().length() - 14.0;
     let left = share(&|p| p.distance(LUMP) < 4.0 && wall(p) < -2.0, -650..i16::MAX);
