@@ -168,4 +168,6 @@ fn misplaced(found: &[Candidate], colon: &Colon<'_>) -> Option<String> {
 }
 
 #[cfg(test)]
+mod sweep;
+#[cfg(test)]
 mod tests;

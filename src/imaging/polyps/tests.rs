@@ -3,6 +3,7 @@
 use glam::{DMat3, DVec3};
 
 use super::base::Scratch;
+use super::sweep::Scanner;
 use super::*;
 use crate::fields::lumen;
 use crate::math::{hash, normal};
@@ -27,7 +28,7 @@ fn tissue(surface_mm: f64) -> f64 {
 }
 
 /// The wall of the gas at a place.
-fn wall_at(volume: &Volume, gas: DVec3) -> (Lumen, Wall) {
+pub(super) fn wall_at(volume: &Volume, gas: DVec3) -> (Lumen, Wall) {
     let progress = Progress::new();
     let lumen = lumen::gas_at(volume, gas, &progress).unwrap().expect("gas");
     let wall = Wall::new(volume, &lumen, -650.0, &progress).unwrap();
@@ -350,23 +351,6 @@ fn the_flow_sinks_what_bulges_and_leaves_ridges() {
     assert!(flow::protrusions(&Wall::default(), &Progress::new()).unwrap().is_empty());
 }
 
-/// Blurs values along one axis of a grid by a Gaussian of `sigma` voxels.
-fn blur(values: &mut [f32], dims: [usize; 3], axis: usize, sigma: f64) {
-    let reach = (4.0 * sigma).ceil() as i64;
-    let weights: Vec<f64> = (-reach..=reach).map(|n| (-0.5 * (n as f64 / sigma).powi(2)).exp()).collect();
-    let sum: f64 = weights.iter().sum();
-    let (step, count) = (dims[..axis].iter().product::<usize>(), dims[axis]);
-    let mut line = vec![0.0_f64; count];
-    for begin in (0..values.len()).filter(|n| n / step % count == 0) {
-        (0..count).for_each(|i| line[i] = f64::from(values[begin + i * step]));
-        for i in 0..count {
-            let at = |n: i64| line[(i as i64 + n).clamp(0, count as i64 - 1) as usize];
-            let blurred: f64 = (-reach..=reach).zip(&weights).map(|(n, w)| w * at(n)).sum();
-            values[begin + i * step] = (blurred / sum) as f32;
-        }
-    }
-}
-
 /// Balls of exact diameter, sampled finely and blurred as a scanner does, which moves every level of a curved edge.
 #[test]
 fn diameters_are_those_of_the_tissue_whatever_the_blur() {
@@ -377,24 +361,15 @@ fn diameters_are_those_of_the_tissue_whatever_the_blur() {
             let at = DVec3::new(0.3 * n as f64 - 0.4, 0.2 - 0.17 * k as f64, [0.35, 0.6][k % 2] * radius);
             let inside = room(ball(at, radius));
             let spacing = DVec3::new(0.7, 0.7, 1.0);
-            let (size, fine) = (DVec3::new(44.0, 44.0, 34.0), 0.5 * spacing);
-            let dims = (size / fine).ceil().to_array().map(|n| n as usize);
-            let origin = DVec3::new(-22.0, -22.0, -3.0);
-            let place = |n: usize| {
-                let index = [n % dims[0], n / dims[0] % dims[1], n / (dims[0] * dims[1])];
-                origin + DVec3::from_array(index.map(|i| i as f64)) * fine
+            let scanner = Scanner {
+                spacing,
+                fine: [2; 3],
+                sigma_mm: DVec3::splat(sigma_mm),
+                is_thick: false,
+                noise_hu: 15.0,
+                seed: 5,
             };
-            let count = dims.iter().product();
-            let mut hu: Vec<f32> = (0..count).map(|n| if inside(place(n)) > 0.0 { 40.0 } else { -1000.0 }).collect();
-            (0..3).for_each(|axis| blur(&mut hu, dims, axis, sigma_mm / fine[axis]));
-            let coarse = dims.map(|n| n / 2);
-            let grid = Grid::new(coarse, spacing, origin, DMat3::IDENTITY).unwrap();
-            let value = |n: usize| {
-                let [i, j, k] = [n % coarse[0], n / coarse[0] % coarse[1], n / (coarse[0] * coarse[1])].map(|i| 2 * i);
-                let noise = 15.0 * hash::normal(5, n as u64);
-                (f64::from(hu[(k * dims[1] + j) * dims[0] + i]) + noise).round() as i16
-            };
-            let volume = Volume::new(grid.clone(), (0..grid.len()).map(value).collect());
+            let volume = scanner.scan(DVec3::new(-22.0, -22.0, -3.0), DVec3::new(44.0, 44.0, 34.0), inside);
             let (_, wall) = wall_at(&volume, DVec3::new(15.0, 15.0, 15.0));
             let found = measure(&wall, &volume, at + DVec3::Z * radius, |_| false).unwrap().lesion;
             let surface = found.feature("diameter_mm");
