@@ -64,7 +64,7 @@ impl Edge {
             return None;
         }
         let sigma_mm = median(widths)? / -OUTER.1;
-        let shift_mm = median(shifts)?;
+        let shift_mm = wall.tissue_mm().or_else(|| median(shifts))?;
         (sigma_mm > 0.0).then(|| Self { shift_mm: shift_mm.clamp(-1.0, MOST_MM), sigma_mm: sigma_mm.min(MOST_MM) })
     }
 
@@ -78,7 +78,7 @@ impl Edge {
 
 /// Returns where along a normal, mm from the surface into the lumen, the values first rise to a level on the way from the lumen into the
 /// tissue.
-fn crossing(level: f64, at: impl Fn(f64) -> Option<f64>) -> Option<f64> {
+pub(super) fn crossing(level: f64, at: impl Fn(f64) -> Option<f64>) -> Option<f64> {
     let count = (2.0 * REACH_MM / STEP_MM) as usize;
     let mut before = at(REACH_MM)?;
     for n in 1..=count {
@@ -93,7 +93,7 @@ fn crossing(level: f64, at: impl Fn(f64) -> Option<f64>) -> Option<f64> {
 }
 
 /// Returns the median of values; `None` of none.
-fn median(mut values: Vec<f64>) -> Option<f64> {
+pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied()
 }

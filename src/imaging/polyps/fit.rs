@@ -32,7 +32,10 @@ pub(crate) struct Ellipsoid {
 
 impl Ellipsoid {
     /// Fits points with weights (areas, mm²). Returns `None` for fewer than four, points in a plane and values that are not finite.
-    pub(crate) fn fit(points: &[(DVec3, f64)]) -> Option<Self> {
+    /// Points may be `noisy` times as noisy as usual.
+    pub(crate) fn fit(points: &[(DVec3, f64)], noisy: f64) -> Option<Self> {
+        // Only the weight against the deviation from a sphere matters: less area is as good as more noise.
+        let points: &[(DVec3, f64)] = &points.iter().map(|(p, a)| (*p, a / (noisy * noisy))).collect::<Vec<_>>();
         let (centre, radius) = sphere(points)?;
         let mut best = Self { centre, s: DMat3::from_diagonal(DVec3::splat(1.0 / radius)), rms: 0.0 };
         let (mut damping, mut cost) = (1e-3, best.cost(points));

@@ -1,5 +1,7 @@
 //! A lesion's measures and features, from the cap that it is and the wall around it.
 
+use std::collections::BTreeSet;
+
 use glam::DVec3;
 
 use super::Wall;
@@ -19,6 +21,12 @@ const RIDGE: [f64; 2] = [0.02, 0.8];
 const DIRECTIONS: usize = 400;
 /// A head emerges from the wall this far below its cap, whose edge is rounded off, mm.
 const EMERGES_MM: f64 = 1.2;
+/// A head grows at most so often; it has what is within so many times the deviation of its ellipsoid, and within these, mm, and whose normal
+/// has at least this cosine with the ellipsoid's.
+const GROWTHS: usize = 6;
+const WITHIN: f64 = 2.5;
+const WITHIN_MM: [f64; 2] = [0.2, 0.5];
+const ALONG: f64 = 0.85;
 /// The inside begins this far below the surface, mm.
 const INSIDE_MM: f64 = 1.4;
 
@@ -95,6 +103,14 @@ impl Lesion {
         if cap.vertices.is_empty() {
             return None;
         }
+        let high = |v: &u32| wall.curvatures(*v)[1] >= HEAD * cap.k2;
+        let head: Vec<u32> = cap.vertices.iter().copied().filter(high).collect();
+        // In thick slices, noise breaks a body into several caps, and an ellipsoid of one of them says little.
+        let whole = if wall.tissue_mm().is_some() && !wall.is_over_bowel() { grown(wall, cap, &head) } else { None };
+        let (cap, head) = match &whole {
+            Some((cap, head)) => (cap, head.clone()),
+            None => (cap, head),
+        };
         let area = f64::from(cap.area).max(1e-9);
         let mean =
             |f: &dyn Fn(u32) -> f64| cap.vertices.iter().map(|&v| f64::from(wall.area(v)) * f(v)).sum::<f64>() / area;
@@ -105,10 +121,7 @@ impl Lesion {
             return None;
         }
         let base = Base::of(wall, &cap.vertices, scratch)?;
-        let head: Vec<u32> = cap.vertices.iter().copied().filter(|&v| wall.curvatures(v)[1] >= HEAD * cap.k2).collect();
-        let points: Vec<(DVec3, f64)> =
-            head.iter().map(|&v| (wall.place(v).as_dvec3(), f64::from(wall.area(v)))).collect();
-        let shape = Ellipsoid::fit(&points)?;
+        let shape = fitted(wall, &head)?;
         let all: Vec<DVec3> = cap.vertices.iter().map(|&v| wall.place(v).as_dvec3()).collect();
         let extent = farthest(&all).map_or(0.0, |f| f.0);
         let overlap = overlap(wall, cap, &shape);
@@ -182,6 +195,56 @@ impl Lesion {
     pub fn feature(&self, name: &str) -> f64 {
         FEATURES.iter().position(|f| *f == name).map_or(f64::NAN, |n| self.features[n])
     }
+}
+
+/// Returns the ellipsoid that fits vertices best.
+fn fitted(wall: &Wall, vertices: &[u32]) -> Option<Ellipsoid> {
+    let point = |&v: &u32| (wall.place(v).as_dvec3(), f64::from(wall.area(v)));
+    Ellipsoid::fit(&vertices.iter().map(point).collect::<Vec<_>>(), wall.noisy())
+}
+
+/// Returns the mean k2 of a vertex and those beside it, 1/mm.
+fn ring_k2(wall: &Wall, v: u32) -> f64 {
+    let all = || wall.beside(v).iter().copied().chain([v]);
+    let area = |v: u32| f64::from(wall.area(v));
+    all().map(|n| area(n) * f64::from(wall.curvatures(n)[1])).sum::<f64>() / all().map(area).sum::<f64>().max(1e-9)
+}
+
+/// Returns a cap with all of the wall around it that its body's ellipsoid describes, and the vertices that are on the ellipsoid. The
+/// ellipsoid of a head is fitted again to what it reaches, which is how surfaces are grown from a seed (Besl and Jain 1988).
+fn grown(wall: &Wall, cap: &Cap, head: &[u32]) -> Option<(Cap, Vec<u32>)> {
+    let mut on = head.to_vec();
+    for _ in 0..GROWTHS {
+        let shape = fitted(wall, &on)?;
+        let within = (WITHIN * shape.rms).clamp(WITHIN_MM[0], WITHIN_MM[1]);
+        let fits = |v: u32| {
+            let p = wall.place(v).as_dvec3();
+            let away = (shape.s * (shape.s * (p - shape.centre))).normalize_or_zero();
+            let near = shape.distance(p).abs() <= within && wall.normal(v).as_dvec3().dot(away) >= ALONG;
+            near && ring_k2(wall, v) * shape.radius() >= f64::from(HEAD)
+        };
+        let mut seen: BTreeSet<u32> = head.iter().copied().filter(|&v| fits(v)).collect();
+        let mut next: Vec<u32> = seen.iter().copied().collect();
+        while let Some(v) = next.pop() {
+            for &n in wall.beside(v) {
+                if !seen.contains(&n) && fits(n) {
+                    seen.insert(n);
+                    next.push(n);
+                }
+            }
+        }
+        if seen.len() < on.len() / 2 {
+            break;
+        }
+        let same = seen.len() == on.len() && on.iter().all(|v| seen.contains(v));
+        on = seen.into_iter().collect();
+        if same {
+            break;
+        }
+    }
+    let vertices: Vec<u32> = cap.vertices.iter().chain(&on).copied().collect::<BTreeSet<u32>>().into_iter().collect();
+    let area = vertices.iter().map(|&v| wall.area(v)).sum();
+    Some((Cap { vertices, area, ..cap.clone() }, on))
 }
 
 /// Returns how far along `axis` a cap begins, mm: all but a twentieth of its area is farther.

@@ -15,6 +15,7 @@ mod flow;
 mod lesion;
 mod measure;
 mod score;
+mod settle;
 mod wall;
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -179,6 +179,17 @@ fn statistics(errors: &[f64]) -> (f64, f64, usize) {
     (mean, (square / (count as f64 - 1.0)).sqrt(), count)
 }
 
+/// In slices of 2 and 3 mm, the wall of a large ball has terraces, and its cap falls into pieces unless they are taken away.
+#[test]
+fn a_large_ball_in_thick_slices_is_one_lesion() {
+    for (diameter, slice, seed) in [(20.0, 3.0, 1), (20.0, 2.0, 2), (14.0, 3.0, 3)] {
+        let turn = DQuat::IDENTITY;
+        let case = Case { body: Body::Floor(35), diameter, noise: 22.0, slice, sigma: 0.7, turn, seed };
+        let [mm, _] = case.measured().expect("a lesion");
+        assert!((mm - diameter).abs() < 1.2, "{diameter} mm in slices of {slice} mm: {mm:.2} mm");
+    }
+}
+
 /// One factor at a time around 22 HU, slices of 1 mm and a blur of 0.7 mm, and the corners.
 #[test]
 #[ignore = "two minutes; prints a table"]
@@ -200,12 +211,15 @@ fn diameters_over_noise_slices_and_blur() {
     let mut cases = Vec::new();
     for &(noise, slice, sigma) in &settings {
         for diameter in [6.0, 8.0, 10.0, 14.0, 20.0] {
-            for (body, turn) in bodies {
-                cases.push(Case { body, diameter, noise, slice, sigma, turn, seed: cases.len() as u64 });
+            for (n, (body, turn)) in bodies.into_iter().enumerate() {
+                // Its own place and noise, whichever other cases there are.
+                let seed =
+                    (noise * 7.0 + slice * 1000.0 + sigma * 100_000.0) as u64 * 1000 + diameter as u64 * 10 + n as u64;
+                cases.push(Case { body, diameter, noise, slice, sigma, turn, seed });
             }
         }
     }
-    let found: Vec<Option<[f64; 2]>> = cases.iter().map(Case::measured).collect();
+    let found: Vec<Option<[f64; 2]>> = cases.par_iter().map(Case::measured).collect();
     let mut table: BTreeMap<String, Vec<f64>> = BTreeMap::new();
     for (case, found) in cases.iter().zip(&found) {
         let Case { body, diameter, noise, slice, sigma, .. } = case;
@@ -229,7 +243,7 @@ fn diameters_over_noise_slices_and_blur() {
         if is[0] && is[1] {
             keys.push(format!("blur {sigma}"));
         }
-        if !(is[0] && is[1] || is[1] && is[2] || is[0] && is[2]) {
+        if is.iter().filter(|is| **is).count() < 2 {
             keys.push(format!("corner: noise {noise}, slices {slice}, blur {sigma}"));
         }
         if *slice < 2.0 {

@@ -268,7 +268,7 @@ fn an_ellipsoid_is_found_from_a_part_of_it_and_nothing_from_nothing() {
         (turn * (half * DVec3::new(r * phi.cos(), r * phi.sin(), z)) + DVec3::new(7.0, 8.0, 9.0), 0.3)
     };
     let points: Vec<(DVec3, f64)> = (0..600).map(cap).collect();
-    let fit = Ellipsoid::fit(&points).unwrap();
+    let fit = Ellipsoid::fit(&points, 1.0).unwrap();
     assert!(fit.rms < 0.02 && fit.centre.distance(DVec3::new(7.0, 8.0, 9.0)) < 0.3, "{fit:?}");
     let along = |d: DVec3| 2.0 / (fit.s * d).length();
     for n in 0..3 {
@@ -278,7 +278,7 @@ fn an_ellipsoid_is_found_from_a_part_of_it_and_nothing_from_nothing() {
     assert!(fit.distance(fit.centre + turn.x_axis * 4.0) > 0.7 && fit.distance(fit.centre) < 0.0);
     let flat: Vec<(DVec3, f64)> = points.iter().map(|p| (DVec3::new(p.0.x, p.0.y, 1.0), 1.0)).collect();
     for none in [&points[..3], &flat, &[], &vec![(DVec3::NAN, 1.0); 9], &vec![(DVec3::ONE, 1.0); 9]] {
-        assert_eq!(Ellipsoid::fit(none), None);
+        assert_eq!(Ellipsoid::fit(none, 1.0), None);
     }
 }
 

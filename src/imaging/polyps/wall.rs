@@ -15,6 +15,7 @@ use std::ops::Range;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
+use super::settle::is_thick;
 use crate::error::Result;
 use crate::fields::Lumen;
 use crate::fields::lumen::Interior;
@@ -41,6 +42,10 @@ pub struct Wall {
     curvatures: Vec<[f32; 2]>,
     /// True if the curvatures are over those of the bowel (see `broad`).
     over_bowel: bool,
+    /// How far within the wall the edge of the tissue is, mm, if the wall was settled.
+    tissue_mm: Option<f64>,
+    /// How many times as noisy its places are as those of usual slices, less one.
+    noisier: f64,
     /// Where the corners of each vertex begin.
     begins: Vec<u32>,
     /// The vertices beside each vertex, in their order around it, counter-clockwise as seen from the tissue. Two that follow each
@@ -56,7 +61,11 @@ impl Wall {
     pub fn new(volume: &Volume, lumen: &Lumen, iso: f64, progress: &Progress) -> Result<Self> {
         let mesh = LumenMesh::new(&Interior::of_lumen(volume, lumen, iso, progress)?, progress)?;
         let (mesh, _) = mesh.without_islands();
-        Self::of_mesh(mesh, progress)
+        let mut wall = Self::of_mesh(mesh, progress)?;
+        if is_thick(volume) {
+            wall.settle(volume, progress)?;
+        }
+        Ok(wall)
     }
 
     /// Computes the curvatures of a closed surface whose normals point out of the lumen.
@@ -93,6 +102,38 @@ impl Wall {
         }
         let beside = pairs.iter().map(|p| p.1).collect();
         Self { origin, places, normals, areas, begins, beside, ..Self::default() }
+    }
+
+    /// Moves the vertices, mm, and computes normals, areas and curvatures again, smoothed by so many times the usual scale.
+    pub(super) fn move_by(&mut self, moves: &[Vec3], scale: f64, progress: &Progress) -> Result<()> {
+        self.places.par_iter_mut().zip(moves).for_each(|(place, by)| *place += *by);
+        let facing = |v: usize| {
+            let own = self.places[v];
+            // Counter-clockwise as seen from the tissue.
+            let normal = |[a, b]: [u32; 2]| 0.5 * (self.places[b as usize] - own).cross(self.places[a as usize] - own);
+            self.around(v as u32)
+                .map(normal)
+                .fold((Vec3::ZERO, 0.0), |(sum, area), n| (sum + n, area + n.length() / 3.0))
+        };
+        let all: Vec<(Vec3, f32)> = (0..self.len()).into_par_iter().map(facing).collect();
+        (self.normals, self.areas) = all.into_iter().map(|(n, area)| (n.normalize_or_zero(), area)).unzip();
+        let steps = (self.smoothing_steps() as f64 * scale * scale).round() as usize;
+        self.smooth(steps.min(MOST_COARSE_STEPS), progress)
+    }
+
+    /// Sets how far within the wall the edge of the tissue is, mm, and how many times as noisy as usual the places are.
+    pub(super) fn set_settled(&mut self, tissue_mm: Option<f64>, noisy: f64) {
+        (self.tissue_mm, self.noisier) = (tissue_mm, noisy - 1.0);
+    }
+
+    /// Returns how many times as noisy the places are as those of usual slices.
+    pub(super) fn noisy(&self) -> f64 {
+        1.0 + self.noisier
+    }
+
+    /// Returns how far within the wall the edge of the tissue is, mm; `None` unless the wall was settled.
+    pub(super) fn tissue_mm(&self) -> Option<f64> {
+        self.tissue_mm
     }
 
     /// Takes other curvatures off those of each vertex.
