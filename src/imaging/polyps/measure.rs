@@ -4,8 +4,10 @@ use glam::DVec3;
 
 use super::base::Scratch;
 use super::caps::{Cap, caps_among};
+use super::settle::is_thick;
 use super::{Lesion, Wall, score};
 use crate::error::{Error, Result};
+use crate::progress::Progress;
 use crate::volume::Volume;
 
 /// A place farther than this from the wall is in mid-air or in tissue, mm.
@@ -63,7 +65,8 @@ pub struct Measurement {
 }
 
 /// Measures the lesion at a place (world, mm LPS) of the wall of `volume`. `is_restored` is true for a place (world, mm)
-/// on a wall that cleansing has restored. All places on one lesion give the same measurement.
+/// on a wall that cleansing has restored. All places on one lesion give the same measurement. In thick slices, the lesion is measured on a wall
+/// without their terraces, which is about half a slice from the one given at most.
 ///
 /// # Errors
 /// Returns status 4 if there is no wall within 5 mm, or nothing bulges there.
@@ -72,6 +75,9 @@ pub fn measure(wall: &Wall, volume: &Volume, at: DVec3, is_restored: impl Fn(DVe
         let why = format!("the colon has no wall within {SNAP_MM} mm of the place");
         Error::incomplete("measure", why, "give a place on the wall")
     })?;
+    // Detectors keep the wall as it is drawn: settling it smooths more, which small and flat lesions do not all survive.
+    let settled = if is_thick(volume) { Some(wall.settled(volume, &Progress::new())?) } else { None };
+    let wall = settled.as_ref().unwrap_or(wall);
     let mut scratch = Scratch::new(wall);
     let mut part = scratch.spread(wall, &[vertex], PART_MM);
     part.sort_unstable_by_key(|p| p.1);

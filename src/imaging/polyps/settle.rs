@@ -52,8 +52,18 @@ pub(super) fn is_thick(volume: &Volume) -> bool {
 }
 
 impl Wall {
+    /// Returns the same wall, settled: vertices keep their numbers.
+    ///
+    /// # Errors
+    /// Returns status 4 if interrupted.
+    pub(super) fn settled(&self, volume: &Volume, progress: &Progress) -> Result<Self> {
+        let mut wall = self.clone();
+        wall.settle(volume, progress)?;
+        Ok(wall)
+    }
+
     /// Moves the wall to where it is evenly far before the edge of the tissue, as far as it is on average. A vertex without a clear edge stays.
-    pub(super) fn settle(&mut self, volume: &Volume, progress: &Progress) -> Result<()> {
+    fn settle(&mut self, volume: &Volume, progress: &Progress) -> Result<()> {
         let noisy = volume.grid().spacing().max_element() / USUAL_MM;
         let scale = noisy.cbrt();
         let mut before_mm = None;

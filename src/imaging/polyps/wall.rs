@@ -15,7 +15,6 @@ use std::ops::Range;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::settle::is_thick;
 use crate::error::Result;
 use crate::fields::Lumen;
 use crate::fields::lumen::Interior;
@@ -61,11 +60,7 @@ impl Wall {
     pub fn new(volume: &Volume, lumen: &Lumen, iso: f64, progress: &Progress) -> Result<Self> {
         let mesh = LumenMesh::new(&Interior::of_lumen(volume, lumen, iso, progress)?, progress)?;
         let (mesh, _) = mesh.without_islands();
-        let mut wall = Self::of_mesh(mesh, progress)?;
-        if is_thick(volume) {
-            wall.settle(volume, progress)?;
-        }
-        Ok(wall)
+        Self::of_mesh(mesh, progress)
     }
 
     /// Computes the curvatures of a closed surface whose normals point out of the lumen.
