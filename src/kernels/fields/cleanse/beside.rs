@@ -64,16 +64,15 @@ impl Beside {
             out
         };
         let mut most = among(fluid, hu, f32::NEG_INFINITY);
-        block.spread(&mut most, self.half, f32::max);
+        block.spread(&mut most, self.half, |a, b| if a > b { a } else { b });
         let mut around = among(deep, &most, f32::INFINITY);
-        block.spread(&mut around, self.half, f32::min);
-        let mut sure = among(pure, &most, f32::INFINITY);
-        block.spread(&mut sure, self.half, f32::min);
-        let mut out: Vec<f32> = (around.iter().zip(&sure).zip(usual))
-            .map(|((&around, &sure), &usual)| match (around < f32::INFINITY, sure < f32::INFINITY) {
-                (_, true) => (around.min(sure) - usual).max(-DARKER * (usual - TISSUE)),
-                (true, false) => (around - usual).max(0.0),
-                _ => 0.0,
+        block.spread(&mut around, self.half, |a, b| if a < b { a } else { b });
+        let sure = pure.dilated(self.half);
+        let mut out: Vec<f32> = (around.iter().zip(usual).enumerate())
+            .map(|(n, (&around, &usual))| match around - usual {
+                f32::INFINITY => 0.0,
+                more if sure.has(n) => more.max(-DARKER * (usual - TISSUE)),
+                more => more.max(0.0),
             })
             .collect();
         out.iter_mut().for_each(|hu| *hu *= step(NOISE_HU[0], NOISE_HU[1], hu.abs()));

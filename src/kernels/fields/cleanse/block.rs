@@ -232,9 +232,10 @@ impl Block {
         let [nx, ny, nz] = self.dims;
         let mut from = vec![0f32; values.len()];
         for (to, row) in from.chunks_exact_mut(nx).zip(values.chunks_exact(nx)) {
-            for (x, to) in to.iter_mut().enumerate() {
-                let near = &row[x.saturating_sub(reach[0])..(x + reach[0] + 1).min(nx)];
-                *to = near[1..].iter().fold(near[0], |a, b| of(a, *b));
+            to.copy_from_slice(row);
+            for d in 1..=reach[0].min(nx - 1) {
+                to.iter_mut().zip(&row[d..]).for_each(|(t, o)| *t = of(*t, *o));
+                to[d..].iter_mut().zip(row).for_each(|(t, o)| *t = of(*t, *o));
             }
         }
         // Whole rows at once.

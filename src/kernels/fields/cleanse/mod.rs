@@ -48,12 +48,21 @@ struct Scanner {
     gas_hu: f32,
 }
 
+/// What a cleansed scan is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum For {
+    /// To be looked at and measured: walls are as exact as they get.
+    Reading,
+    /// To be flown through: a tenth of a millimetre does not matter, half the time does.
+    Flying,
+}
+
 /// Cleanses a lumen: replaces its tag by gas and restores the wall beneath.
 ///
 /// # Errors
 /// Returns status 4 if interrupted.
 pub fn cleanse(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Cleansed> {
-    let (mut made, pools, scanner) = pools_of(volume, lumen, progress)?;
+    let (mut made, pools, scanner) = pools_of(volume, lumen, For::Reading, progress)?;
     // Whatever is bright where a pool was belongs to the pool.
     let mut taken = residue::Bits::new(volume.grid().len());
     pools.runs().for_each(|(voxels, _)| taken.fill(voxels));
@@ -80,7 +89,7 @@ pub fn cleanse(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Cl
 /// Returns status 4 if interrupted.
 #[doc(hidden)]
 pub fn to_fly(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Cleansed> {
-    let (mut made, pools, _) = pools_of(volume, lumen, progress)?;
+    let (mut made, pools, _) = pools_of(volume, lumen, For::Flying, progress)?;
     let grid = volume.grid();
     let mut fluid = residue::Bits::new(grid.len());
     let mut all = Vec::new();
@@ -108,7 +117,7 @@ pub fn to_fly(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Cle
 }
 
 /// Removes the pools. Returns the result so far, the new values, and the scanner.
-fn pools_of(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<(Cleansed, Changes, Scanner)> {
+fn pools_of(volume: &Volume, lumen: &Lumen, purpose: For, progress: &Progress) -> Result<(Cleansed, Changes, Scanner)> {
     progress.check()?;
     let split = pools::split(volume.grid(), lumen, progress)?;
     let mut fluids: Vec<pool::Fluid> = Vec::new();
@@ -126,7 +135,7 @@ fn pools_of(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<(Clea
     }
     let scanner = Scanner { blur_mm: scanner::blur_mm(volume, lumen), gas_hu: scanner::gas_hu(volume, lumen) };
     let pools = match &split {
-        Some(split) => pool::cleanse(volume, lumen, split, &fluids, &scanner, progress)?,
+        Some(split) => pool::cleanse(volume, lumen, split, &fluids, &scanner, purpose, progress)?,
         None => pool::Pools::default(),
     };
     let mut left = pools.left;

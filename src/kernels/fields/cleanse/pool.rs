@@ -28,7 +28,7 @@ use super::model::{CleansedPool, Left};
 use super::pools::Split;
 use super::risen::Risen;
 use super::slab::Slabs;
-use super::{GAS, SOLID_HU, Scanner, TISSUE, WALL_HU, step};
+use super::{For, GAS, SOLID_HU, Scanner, TISSUE, WALL_HU, step};
 use crate::error::Result;
 use crate::fields::Lumen;
 use crate::fields::lumen::frame::AxisDirection;
@@ -114,6 +114,7 @@ pub(super) fn cleanse(
     split: &Split,
     fluids: &[Fluid],
     scanner: &Scanner,
+    purpose: For,
     progress: &Progress,
 ) -> Result<Pools> {
     let bricks = Bricks::of(volume.grid());
@@ -161,7 +162,7 @@ pub(super) fn cleanse(
         phi: Phi::new(),
         sharpened,
         slabs,
-        beside: Beside::new(scanner.blur_mm, spacing),
+        beside: (purpose == For::Reading).then(|| Beside::new(scanner.blur_mm, spacing)),
         inner: inner(scanner, spacing),
     };
     let together = |group: &[(usize, usize)]| {
@@ -450,7 +451,8 @@ struct Shared<'a> {
     phi: Phi,
     sharpened: Sharpened,
     slabs: Slabs,
-    beside: Beside,
+    /// For a scan that is read.
+    beside: Option<Beside>,
     /// How far within fluid no other material is seen, voxels.
     inner: [usize; 3],
 }
@@ -504,7 +506,7 @@ impl Shared<'_> {
             };
             Risen::new([&risen, &fluid, &gas], &wide_hu, [&wide, &block], spacing / pool.blur_mm, materials)
         });
-        let brighter = self.brighter(pool, brick, &block, depth_at);
+        let brighter = self.beside.map(|beside| self.brighter(beside, pool, brick, &block, depth_at));
         // Rows whose neighbourhoods hold nothing that is asked for stay empty.
         let needed = block.rows_around(&near, around);
         for from in (0..block.len()).step_by(nx).filter(|from| needed[from / nx]) {
@@ -515,7 +517,8 @@ impl Shared<'_> {
             pool.tag.row(v, &mut tag[row.clone()]);
             let level = depth_at(v);
             for (x, n) in row.enumerate() {
-                tag[n] = (tag[n] + brighter[n]).max(TISSUE + CONTRAST);
+                let more = brighter.as_ref().map_or(0.0, |b| b[n]);
+                tag[n] = (tag[n] + more).max(TISSUE + CONTRAST);
                 own[n] = own[n].clamp(TISSUE - 20.0, TISSUE + 150.0).min(tag[n] - 0.5 * CONTRAST);
                 let depth = risen.get(n).unwrap_or(level + slope * x as f32);
                 mixed[n] = dark[n] + (tag[n] - dark[n]) * self.phi.at(depth)[0];
@@ -539,7 +542,7 @@ impl Shared<'_> {
                 return;
             }
             // At a level an edge of gas and tag is curved as well.
-            let below = step(2.0, DEEP, depth);
+            let below = if brighter.is_some() { step(2.0, DEEP, depth) } else { 0.0 };
             let curved = if below > 0.0 { below * straightened(&share, n, block.strides(), spacing) } else { 0.0 };
             let p = self.sharpened.at(share[n] + curved);
             let clean = dark[n] + (TISSUE - dark[n]) * p;
@@ -549,20 +552,27 @@ impl Shared<'_> {
             let clean = (hu[n] + (clean - hu[n]) * ours).round() as i16;
             let was_wall = depth > DEEP && hu[n] > f32::from(WALL_HU) && !open.has(at);
             // As bright as the tag here, it is no wall however dark.
-            let is_tag = |n: usize| tag[n] - hu[n] < TAG_SHARE * (tag[n] - own[n]);
-            let is_thin = was_wall && clean < SOLID_HU && !is_tag(n) && self.slabs.is_within(&wide, &open, at);
+            let is_tag = brighter.is_some() && tag[n] - hu[n] < TAG_SHARE * (tag[n] - own[n]);
+            let is_thin = was_wall && clean < SOLID_HU && !is_tag && self.slabs.is_within(&wide, &open, at);
             changed.push((index(v), if is_thin { SOLID_HU } else { clean }));
         });
         Changes::from_sorted(changed.into_iter())
     }
 
     /// Returns by how much the pool's tag is brighter around each voxel of a block of a brick than its mean, HU.
-    fn brighter(&self, pool: &Pool, brick: usize, block: &Block, depth_at: impl Fn([i64; 3]) -> f32) -> Vec<f32> {
-        let margin = self.beside.reach();
+    fn brighter(
+        &self,
+        beside: Beside,
+        pool: &Pool,
+        brick: usize,
+        block: &Block,
+        depth_at: impl Fn([i64; 3]) -> f32,
+    ) -> Vec<f32> {
+        let margin = beside.reach();
         let wide = self.bricks.block(brick, [0, 1, 2].map(|a| (block.margin[a] + margin[a]).min(MARGIN)));
         let nx = wide.dims[0];
         let scan = wide.load(self.volume);
-        let hu = self.beside.smooth(&wide, scan.clone());
+        let hu = beside.smooth(&wide, scan.clone());
         let mut fluid = wide.mask(self.lumen.fluid(), |n| self.split.labels[n] == Some(pool.label));
         // Some of the tag may be too faint for the lumen; what is so bright along an edge alone is not.
         let mut faint = fluid.dilated(reach(self.volume));
@@ -581,7 +591,7 @@ impl Shared<'_> {
             fluid.add(&faint.dilated([1; 3]));
         }
         let mut usual = vec![0f32; wide.len()];
-        let needed = wide.rows_around(&fluid, self.beside.reach());
+        let needed = wide.rows_around(&fluid, margin);
         for row in (0..needed.len()).filter(|row| needed[*row]) {
             pool.tag.row(wide.voxel(row * nx), &mut usual[row * nx..(row + 1) * nx]);
         }
@@ -589,7 +599,7 @@ impl Shared<'_> {
         deep.keep(|n| depth_at(wide.voxel(n)) > DEEP);
         let mut pure = fluid.eroded(self.inner);
         pure.keep(|n| deep.has(n));
-        let found = self.beside.brighter(&wide, &hu, &usual, [&fluid, &deep, &pure]);
+        let found = beside.brighter(&wide, &hu, &usual, [&fluid, &deep, &pure]);
         (0..block.len()).map(|n| found[wide.index(block.voxel(n))]).collect()
     }
 
