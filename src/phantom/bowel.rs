@@ -6,8 +6,9 @@ use super::centerline::Centerline;
 use super::gut::{Gut, Guts, Ridges};
 use super::kinds::BodyKind;
 use super::spline::{Beyond, b_spline};
-use super::stream::Stream;
+use super::stream::stream;
 use super::valve::Valve;
+use crate::math::hash::Stream;
 
 /// Least tissue between small bowel and colon, and between two loops of small bowel, mm.
 pub(crate) const APART_MM: f64 = 4.5;
@@ -54,7 +55,7 @@ const BEHIND_MM: f64 = 3.5;
 /// Returns the small bowel of a body of `scale` (1 is an adult), away from the colon's lumen, whose knots `colon` holds, and from
 /// the other `tubes`.
 pub(crate) fn place(scale: f64, valve: &Valve, colon: &[(DVec3, f64)], seed: u64) -> Guts {
-    let mut draw = Stream::new(seed, 98);
+    let mut draw = stream(seed, 98);
     let every_mm = draw.within(5.5, 7.5);
     let ridges = Ridges::Rings { every_mm, height: draw.within(1.4, 2.2) * scale };
     // Where the jitter leaves too little room, less of it, and then a narrower tube.
@@ -65,7 +66,7 @@ pub(crate) fn place(scale: f64, valve: &Valve, colon: &[(DVec3, f64)], seed: u64
     let colon: Vec<_> = colon.iter().copied().filter(|c| near(c) > 24.0 * scale).collect();
     let mut best: Option<(f64, Gut)> = None;
     for (jitter, share, k) in tries.chain(narrow) {
-        let mut draw = Stream::new(seed, 100 + k);
+        let mut draw = stream(seed, 100 + k);
         let gut = ileum(scale, valve, &colon, [jitter, share], ridges, &mut draw);
         let room = gut.clearance(&colon).min(gut.own_clearance());
         if best.as_ref().is_none_or(|(least, _)| room > *least) {
@@ -139,7 +140,7 @@ fn pinch(gut: &mut Gut, draw: &mut Stream) {
 
 /// Returns two to four detached loops of jejunum for every third seed, away from the balls that are `taken`.
 pub(crate) fn jejunum(scale: f64, taken: &[(DVec3, f64)], seed: u64) -> Vec<Gut> {
-    let mut draw = Stream::new(seed, 99);
+    let mut draw = stream(seed, 99);
     let count = if seed.is_multiple_of(3) { draw.within(2.0, 4.999) as usize } else { 0 };
     let mut taken = taken.to_vec();
     let mut loops: Vec<Gut> = Vec::new();

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::organ::{Organ, organ};
 use super::paint::Paint;
 use super::profile::smooth_min;
-use super::stream::Stream;
+use super::stream::stream;
 use super::texture::lung_texture;
 
 /// A lung in an adult's mm LPS: the middle and half axes of its outline across the body, and the diaphragm beneath it, highest
@@ -56,7 +56,7 @@ impl Chest {
     /// Creates the lungs; they have emphysema for seeds divisible by four. `texture` is the seed of their texture.
     pub(crate) fn new(texture: u64, seed: u64) -> Self {
         let sick = seed.is_multiple_of(4);
-        let mut draw = Stream::new(seed, 106);
+        let mut draw = stream(seed, 106);
         let mut airways = |side: f64| {
             let root = DVec3::new(side * 62.0, 26.0, 216.0);
             (0..4)

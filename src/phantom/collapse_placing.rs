@@ -3,13 +3,13 @@
 use super::centerline::Centerline;
 use super::collapse::Collapse;
 use super::shape::Shape;
-use super::stream::Stream;
+use super::stream::stream;
 use super::touching::Touching;
 
 /// Returns the collapsed stretches of a colon, in the order of the axis: one in the sigmoid, one in the descending colon, and for
 /// two seeds of three another one, in the transverse or ascending colon or at the splenic flexure.
 fn place(axis: &Centerline, seed: u64) -> Vec<Collapse> {
-    let mut draw = Stream::new(seed, 96);
+    let mut draw = stream(seed, 96);
     let small = axis.length() < 1000.0;
     // The middles of the stretches, in control points from the rectum.
     let (sigmoid, descending) = (draw.within(6.2, 8.8), draw.within(12.4, 13.4));

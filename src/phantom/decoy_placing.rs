@@ -7,9 +7,10 @@ use super::features::CHANNEL_MM;
 use super::ground::{Ground, Taken};
 use super::shape::{Fold, Shape};
 use super::solid::{Ellipsoid, Plate, centre_of, extent};
-use super::stream::Stream;
+use super::stream::stream;
 use super::valve::{Valve, valve_spot};
 use crate::math::hash;
+use crate::math::hash::Stream;
 
 /// Length of the tube that is within the rectum's end wall, mm.
 const IN_WALL_MM: f64 = 5.5;
@@ -33,7 +34,7 @@ pub(crate) fn place(shape: &mut Shape, down: DVec3, taken: &mut Taken, seed: u64
     // Folds first: the other decoys grow on what they leave.
     let mut folds = Vec::new();
     let mut decoys = Vec::new();
-    let mut draw = Stream::new(seed, 81);
+    let mut draw = stream(seed, 81);
     for _ in 0..if adult { 2 } else { 1 } {
         if let Some((decoy, i, pair)) = (0..TRIES).find_map(|_| junction(shape, &mut draw, taken, &decoys)) {
             shape.folds[i] = pair[0].clone();
@@ -200,7 +201,7 @@ pub(crate) fn open(shape: &mut Shape, valve: &Valve) {
 
 /// Returns the tube: through the rectum's end wall, near its posterior wall.
 fn tube(shape: &Shape, seed: u64) -> Tube {
-    let mut draw = Stream::new(seed, 82);
+    let mut draw = stream(seed, 82);
     let axis = &shape.axis;
     let small = axis.length() < 1000.0;
     let frame = axis.frame(0.0);

@@ -9,7 +9,7 @@ use super::centerline::Centerline;
 use super::pools::Pool;
 use super::profile::SHIFT;
 use super::shape::{Attached, Bridge, Fold, Polyp, Shape};
-use super::stream::Stream;
+use super::stream::stream;
 
 /// Minimum distance of folds and polyps from the axis, mm. A fillet between two of them may reduce it by 0.9 mm.
 pub(crate) const CHANNEL_MM: f64 = 6.0;
@@ -17,7 +17,7 @@ pub(crate) const CHANNEL_MM: f64 = 6.0;
 /// Builds the wall around `axis` with the features that the settings enable.
 pub(crate) fn shape(axis: Centerline, settings: &PhantomSettings) -> Shape {
     let seed = settings.seed;
-    let taenia = Stream::new(seed, 0).within(0.0, TAU);
+    let taenia = stream(seed, 0).within(0.0, TAU);
     let rows = [0, 1, 2].map(|row| constrictions(&axis, seed, row));
     let (folds, polyps, bridges, lesions) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let (decoys, collapsed, touching) = (Vec::new(), Vec::new(), Vec::new());
@@ -37,7 +37,7 @@ pub(crate) fn shape(axis: Centerline, settings: &PhantomSettings) -> Shape {
 /// Returns the arc lengths of a row's constrictions, from 0 to the axis' length: 20 to 30 mm apart in a wide colon and
 /// staggered against the other rows.
 fn constrictions(axis: &Centerline, seed: u64, row: usize) -> Vec<f64> {
-    let mut draw = Stream::new(seed, 1 + row as u64);
+    let mut draw = stream(seed, 1 + row as u64);
     let end = axis.length();
     let gap = |s: f64, x: f64| x * axis.fold_spacing(s) * (axis.profile(s).radius.0 / 16.5).clamp(0.72, 1.0);
     let mut all = vec![0.0];
@@ -58,7 +58,7 @@ fn middle(shape: &Shape, row: usize) -> f64 {
 fn place_folds(shape: &Shape, seed: u64) -> Vec<Fold> {
     let mut folds = Vec::new();
     for (row, constrictions) in shape.rows.iter().enumerate() {
-        let mut draw = Stream::new(seed, 8 + row as u64);
+        let mut draw = stream(seed, 8 + row as u64);
         for &s in &constrictions[1..constrictions.len() - 1] {
             let radius = shape.axis.profile(s).radius.0;
             let phi = middle(shape, row) + draw.within(-0.12, 0.12);
@@ -82,7 +82,7 @@ pub(crate) fn sessile(shape: &Shape, s: f64, phi: f64, diameter_mm: f64) -> Atta
 }
 
 fn place_polyps(shape: &Shape, seed: u64) -> Vec<Attached<Polyp>> {
-    let mut draw = Stream::new(seed, 16);
+    let mut draw = stream(seed, 16);
     let end = shape.axis.length();
     let count = if end > 1000.0 { 9 } else { 6 };
     (0..count)
@@ -119,7 +119,7 @@ const SHEET_MM: f64 = 2.0;
 
 /// Adds what is hard to see under fluid to each pool: a thin fold, and a polyp of 6 to 10 mm, both where the fluid is deep.
 pub(crate) fn submerge(shape: &mut Shape, pools: &[Pool], down: DVec3, sigma: f64, seed: u64) {
-    let mut draw = Stream::new(seed, 48);
+    let mut draw = stream(seed, 48);
     for pool in pools {
         let middle = 0.5 * (pool.from + pool.to);
         let deep = |s: f64| shape.axis.frame(s).at.dot(down) + shape.axis.profile(s).radius.0 - pool.level;
@@ -143,7 +143,7 @@ pub(crate) fn submerge(shape: &mut Shape, pools: &[Pool], down: DVec3, sigma: f6
 }
 
 fn place_bridges(shape: &Shape, seed: u64) -> Vec<Attached<Bridge>> {
-    let mut draw = Stream::new(seed, 24);
+    let mut draw = stream(seed, 24);
     let end = shape.axis.length();
     let count = 5;
     (0..count)

@@ -74,7 +74,7 @@ use pools::{FLUID_SHARE, Pool};
 use profile::{FAT, FLUID, GAS, TISSUE, mix, normal_cdf, sheet_share, smooth_min, smooth_step, tissue_share};
 use room::has_room;
 use shape::{Attached, DEEP, Distances, Shape};
-use stream::Stream;
+use stream::stream;
 use tag::{Kinds, Seen, Tag};
 use touching::Touching;
 use valve::Valve;
@@ -171,7 +171,7 @@ impl Phantom {
         if settings.pools || settings.films || settings.stool {
             if settings.pools {
                 // From a quarter to nearly the whole height.
-                let mut draw = Stream::new(seed, 32);
+                let mut draw = stream(seed, 32);
                 pools = pools::pools(&shape, down, || 0.25 + 0.65 * draw.within(0.0, 1.0).powi(2));
                 features::submerge(&mut shape, &pools, down, sigma, seed);
                 touching_placing::clear(&mut shape);

@@ -9,8 +9,9 @@ use super::lesions::{Lesion, PolypShape, PolypSite};
 use super::pools::Pool;
 use super::shape::{Attached, Fold, Shape};
 use super::solid::{Ellipsoid, Rod};
-use super::stream::Stream;
+use super::stream::stream;
 use crate::math::hash;
+use crate::math::hash::Stream;
 
 /// Length of colon for each lesion, mm.
 const EVERY_MM: f64 = 75.0;
@@ -36,7 +37,7 @@ pub(crate) fn place(shape: &Shape, pools: &[Pool], down: DVec3, taken: &mut Take
     let ground = Ground::new(shape);
     let mut lesions = Vec::new();
     for (i, wish) in wishes(shape.axis.length(), !pools.is_empty(), seed).into_iter().enumerate() {
-        let draw = Stream::new(seed, 1000 + i as u64);
+        let draw = stream(seed, 1000 + i as u64);
         let mut place = Place { ground: &ground, pools, down, draw };
         if let Some(lesion) = place.find(wish, taken) {
             taken.take(lesion.what.balls());
@@ -52,7 +53,7 @@ fn wishes(length: f64, has_pools: bool, seed: u64) -> Vec<Wish> {
     use PolypShape::{Flat, Sessile, Stalked};
     use PolypSite::{Between, Fold, Wall};
     let count = (length / EVERY_MM).round().max(1.0) as usize;
-    let mut draw = Stream::new(seed, 61);
+    let mut draw = stream(seed, 61);
     // Shares from 0 to 1, evenly spread and in an order of their own for each property.
     let mut spread = |stream: u64| {
         let mut order: Vec<usize> = (0..count).collect();

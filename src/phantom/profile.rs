@@ -42,18 +42,7 @@ pub(crate) fn smooth_step(lo: f64, hi: f64, x: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// Returns a C1 maximum: the larger value where `a` and `b` differ by `k` or more, and `k`/4 above where they are equal.
-#[inline]
-pub(crate) fn smooth_max(a: f64, b: f64, k: f64) -> f64 {
-    let h = (k - (a - b).abs()).max(0.0);
-    a.max(b) + h * h / (4.0 * k)
-}
-
-/// Returns the C1 minimum that corresponds to [`smooth_max`].
-#[inline]
-pub(crate) fn smooth_min(a: f64, b: f64, k: f64) -> f64 {
-    -smooth_max(-a, -b, k)
-}
+pub(crate) use crate::math::smooth::{max as smooth_max, min as smooth_min};
 
 #[cfg(test)]
 mod tests {

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::centerline::Centerline;
 use super::gut::{Gut, Ridges};
 use super::kinds::BodyKind;
-use super::stream::Stream;
+use super::stream::stream;
 
 /// Least tissue between the stomach and other gut, mm.
 const APART_MM: f64 = 3.6;
@@ -37,7 +37,7 @@ pub(crate) fn place(scale: f64, taken: &[(DVec3, f64)], down: DVec3, seed: u64) 
         }
     }
     let mut gut = best.map_or_else(|| stomach(scale, 0.0, 0.5, taken, seed), |(_, gut)| gut);
-    let mut draw = Stream::new(seed, 104);
+    let mut draw = stream(seed, 104);
     // A share of the height of its lumen.
     let ends = gut.balls().into_iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), (c, r)| {
         (lo.min(c.dot(down) - r), hi.max(c.dot(down) + r))
@@ -51,7 +51,7 @@ pub(crate) fn place(scale: f64, taken: &[(DVec3, f64)], down: DVec3, seed: u64) 
 /// Returns a stomach whose control points move by up to `jitter` mm, an adult's, and whose radii are a `share` of the usual ones,
 /// less where something that is `taken` is near.
 fn stomach(scale: f64, jitter: f64, share: f64, taken: &[(DVec3, f64)], seed: u64) -> Gut {
-    let mut draw = Stream::new(seed, 105);
+    let mut draw = stream(seed, 105);
     let wide = draw.within(0.94, 1.06);
     let mut all = Vec::new();
     for (at, radius) in PLACES {

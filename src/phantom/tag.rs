@@ -15,7 +15,7 @@ use super::pools::Pool;
 use super::profile::{FLUID, SHIFT, TISSUE, mix, normal_cdf, normal_cdf_2, smooth_max, smooth_min, smooth_step};
 use super::shape::{DEEP, Distances, Shape};
 use super::solid::{centre_of, extent};
-use super::stream::Stream;
+use super::stream::stream;
 use crate::math::hash;
 
 /// Range of the HU of inhomogeneous tag.
@@ -119,7 +119,7 @@ pub(crate) struct Kinds {
 impl Tag {
     /// Distributes tag in a colon with these pools.
     pub(crate) fn new(shape: &Shape, pools: &[Pool], kinds: Kinds, position: Position, seed: u64) -> Self {
-        let mut draw = Stream::new(seed, 40);
+        let mut draw = stream(seed, 40);
         let mut hu = || if kinds.inhomogeneous { draw.within(TAG_HU[0], TAG_HU[1]) } else { FLUID };
         let pools = pools.iter().map(|p| (*p, hu())).collect();
         let films = if kinds.films { place_films(shape, seed, &mut hu) } else { Vec::new() };
@@ -268,7 +268,7 @@ fn patchy(seed: u64, p: DVec3) -> f64 {
 }
 
 fn place_films(shape: &Shape, seed: u64, hu: &mut impl FnMut() -> f64) -> Vec<Film> {
-    let mut draw = Stream::new(seed, 41);
+    let mut draw = stream(seed, 41);
     let end = shape.axis.length();
     let count = (end / 45.0) as usize;
     (0..count)
@@ -283,7 +283,7 @@ fn place_films(shape: &Shape, seed: u64, hu: &mut impl FnMut() -> f64) -> Vec<Fi
 }
 
 fn place_stool(shape: &Shape, down: DVec3, seed: u64, hu: &mut impl FnMut() -> f64) -> Vec<Stool> {
-    let mut draw = Stream::new(seed, 42);
+    let mut draw = stream(seed, 42);
     let end = shape.axis.length();
     let count = (end / 110.0) as usize;
     (0..count)

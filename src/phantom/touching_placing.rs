@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::centerline::{Centerline, control_points};
 use super::room::has_room_but;
 use super::shape::{Shape, largest};
-use super::stream::Stream;
+use super::stream::stream;
 use super::touching::{Limb, Touching};
 use super::{PhantomSettings, bowel};
 use crate::math::hash;
@@ -62,12 +62,12 @@ fn attempt(
 ) -> Option<(Centerline, Touching)> {
     // The variation goes down to none, and so does the tilt.
     let left = 1.0 - n as f64 / (TRIES - 1) as f64;
-    let mut draw = Stream::new(hash::bits(settings.seed, 0x70C + n), 120);
+    let mut draw = stream(hash::bits(settings.seed, 0x70C + n), 120);
     let (mut places, mut profile) = control_points(scale, radius, 4.0 * left, hash::bits(settings.seed, 0xA715 + n));
     for (i, factor) in NARROWER {
         profile[i].x *= factor;
     }
-    let tilted = Stream::new(settings.seed, 121).within(0.0, 1.0);
+    let tilted = stream(settings.seed, 121).within(0.0, 1.0);
     // For three seeds of five the septum is nearly level. For the others it leans to one side, or one limb lies before the other one.
     let (slope, forwards) = match tilted {
         t if t < 0.6 => (draw.within(-0.15, 0.15), draw.within(-4.0, 4.0)),
@@ -168,7 +168,7 @@ fn septum(axis: &Centerline, s: [f64; 2], settings: &PhantomSettings, gap: f64) 
     };
     let limbs = [limb(0)?, limb(1)?];
     let set = settings.touching_mm.filter(|mm| mm.is_finite()).map(|mm| mm.clamp(SET_MM[0], SET_MM[1]));
-    let drawn = Stream::new(settings.seed, 122).within(SEPTUM_MM[0], SEPTUM_MM[1]);
+    let drawn = stream(settings.seed, 122).within(SEPTUM_MM[0], SEPTUM_MM[1]);
     let touching = Touching { middle, normal, thickness_mm: set.unwrap_or(drawn), apart: 0.0, limbs };
     let far = limbs[1].from - limbs[0].to >= FAR_MM;
     (far && has_room_but(axis, [[limbs[0].from, limbs[0].to], [limbs[1].from, limbs[1].to]])).then_some(touching)

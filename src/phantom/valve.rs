@@ -5,7 +5,7 @@ use glam::{DMat3, DVec3};
 use super::ground::{Ground, Spot};
 use super::shape::Shape;
 use super::solid::Plate;
-use super::stream::Stream;
+use super::stream::stream;
 
 /// The ileocecal valve: two lips on the colon's medial wall, and the slit between them.
 #[derive(Clone, Copy, Debug)]
@@ -26,7 +26,7 @@ pub(crate) fn valve(shape: &Shape, seed: u64) -> Option<Valve> {
     let frame = shape.axis.frame(spot.s);
     let small = shape.axis.length() < 1000.0;
     let share = if small { 0.85 } else { 1.0 };
-    let wide = Stream::new(seed, 97).within(3.2, if small { 4.2 } else { 5.6 });
+    let wide = stream(seed, 97).within(3.2, if small { 4.2 } else { 5.6 });
     let across = (frame.tangent - spot.up * frame.tangent.dot(spot.up)).normalize();
     let axes = DMat3::from_cols(across.cross(spot.up), across, spot.up);
     let height = 6.0 * share;

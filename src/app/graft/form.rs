@@ -4,7 +4,9 @@ use std::f64::consts::TAU;
 
 use glam::{DMat3, DVec3};
 
-use super::draw::Draw;
+use super::draw;
+use crate::math::hash::Stream;
+use crate::math::smooth;
 use crate::math::sphere::directions;
 use crate::phantom::{PolypShape, PolypSite, TruePolyp};
 
@@ -43,13 +45,13 @@ pub(super) struct Form {
 
 impl Form {
     /// Draws a lesion with about this diameter, mm.
-    pub(super) fn drawn(shape: PolypShape, diameter_mm: f64, root: Root, draw: &mut Draw) -> Self {
+    pub(super) fn drawn(shape: PolypShape, diameter_mm: f64, root: Root, draw: &mut Stream) -> Self {
         let radius = 0.5 * diameter_mm;
-        let lean = (root.up + 0.25 * draw.direction()).normalize();
+        let lean = (root.up + 0.25 * draw::direction(draw)).normalize();
         let (u, w) = lean.any_orthonormal_pair();
         let (sin, cos) = draw.within(0.0, TAU).sin_cos();
         let axes = DMat3::from_cols(u * cos + w * sin, w * cos - u * sin, lean);
-        let waves = std::array::from_fn(|_| (draw.direction() * draw.within(1.5, 4.0), draw.within(0.0, TAU)));
+        let waves = std::array::from_fn(|_| (draw::direction(draw) * draw.within(1.5, 4.0), draw.within(0.0, TAU)));
         let across = radius * draw.within(0.8, 1.0);
         let (radii, head, stalk_mm) = match shape {
             PolypShape::Flat => {
@@ -67,7 +69,7 @@ impl Form {
             PolypShape::Stalked => {
                 let high = radius * draw.within(0.8, 1.0);
                 let stalk = draw.within(2.0, 7.0);
-                let bent = (root.up + 0.3 * draw.direction()).normalize();
+                let bent = (root.up + 0.3 * draw::direction(draw)).normalize();
                 (DVec3::new(radius, across, high), root.place + bent * (stalk + high), draw.within(1.2, 1.8))
             }
             _ => {
@@ -95,7 +97,7 @@ impl Form {
             return self.plaque(place, wall_mm);
         }
         let own = match self.stalk_mm > 0.0 {
-            true => smooth_min(self.ball(place), self.stalk(place), JOINT_MM),
+            true => smooth::min(self.ball(place), self.stalk(place), JOINT_MM),
             false => self.ball(place),
         };
         let fillet = (FILLET_MM - (own - wall_mm).abs()).max(0.0).powi(2) / (4.0 * FILLET_MM);
@@ -175,9 +177,4 @@ fn widest(points: &[DVec3]) -> f64 {
         most = points[n + 1..].iter().map(|b| a.distance_squared(*b)).fold(most, f64::max);
     }
     most.sqrt()
-}
-
-fn smooth_min(a: f64, b: f64, k: f64) -> f64 {
-    let h = (k - (a - b).abs()).max(0.0);
-    a.min(b) - h * h / (4.0 * k)
 }

@@ -21,12 +21,12 @@ use crate::Timings;
 use crate::colon;
 use crate::error::{Error, Result};
 use crate::fields::lumen;
+use crate::math::hash::Stream;
 use crate::phantom::{PolypShape, PolypSite, TruePolyp};
 use crate::polyps::Wall;
 use crate::progress::Progress;
 use crate::space::ray::trilinear;
 use crate::volume::{Volume, content_hash};
-use draw::Draw;
 use form::Form;
 use noise::Noise;
 use patch::{Coat, Patch, Scan};
@@ -203,7 +203,7 @@ struct Wish {
 
 /// Returns the requested lesions, largest first. Shapes, places and sizes have their shares of any number, each in an order of its own.
 fn wishes(seed: u64, count: usize) -> Vec<Wish> {
-    let mut draw = Draw::new(seed, 1);
+    let mut draw = draw::stream(seed, 1);
     let mut spread = || {
         let mut shares: Vec<f64> = (0..count).map(|i| (i as f64 + draw.within(0.0, 1.0)) / count as f64).collect();
         for i in (1..count).rev() {
@@ -263,7 +263,7 @@ impl Grower<'_> {
         progress.stage("putting lesions in", count as u64);
         let mut out = Vec::new();
         for (n, wish) in wishes(seed, count).into_iter().enumerate() {
-            let mut draw = Draw::new(seed, 100 + n as u64);
+            let mut draw = draw::stream(seed, 100 + n as u64);
             if let Some(patch) = self.find(wish, &mut draw, progress)? {
                 out.push(patch);
             }
@@ -273,7 +273,7 @@ impl Grower<'_> {
     }
 
     /// Finds room for a wish, or else for a dry, a smaller one, or one on the plain wall.
-    fn find(&mut self, wish: Wish, draw: &mut Draw, progress: &Progress) -> Result<Option<Patch>> {
+    fn find(&mut self, wish: Wish, draw: &mut Stream, progress: &Progress) -> Result<Option<Patch>> {
         let smaller = |w: Wish, share: f64| Wish { diameter_mm: w.diameter_mm * share, ..w };
         let dry = Wish { under: false, ..wish };
         let plain = Wish { site: PolypSite::Wall, coated: false, ..dry };
@@ -288,7 +288,7 @@ impl Grower<'_> {
         Ok(None)
     }
 
-    fn attempt(&mut self, wish: Wish, draw: &mut Draw, progress: &Progress) -> Result<Option<Patch>> {
+    fn attempt(&mut self, wish: Wish, draw: &mut Stream, progress: &Progress) -> Result<Option<Patch>> {
         let radius = 0.5 * wish.diameter_mm;
         let grid = self.scan.raw.grid();
         let accepts = |place: DVec3| {
@@ -315,7 +315,7 @@ impl Grower<'_> {
         let coat = self.tag_hu.filter(|_| wish.coated).map(|tag| Coat {
             mm: draw.within(COAT_MM[0], COAT_MM[1]),
             hu: tag * draw.within(0.5, 1.0),
-            side: ((root.up + draw.direction()).normalize_or(root.up), draw.within(-1.0, 0.3)),
+            side: ((root.up + draw::direction(draw)).normalize_or(root.up), draw.within(-1.0, 0.3)),
         });
         let patch = patch::patch(&self.scan, &form, coat, tissue_hu, progress)?;
         let patch = patch.filter(|p| p.truth.submerged == wish.under);

@@ -10,8 +10,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::spread::median;
 use crate::math::hash;
+use crate::math::ranked::quantile;
 use crate::volume::Volume;
 
 /// Edges of a cube in which noise is measured, voxels; and in gas, where there may be little room.
@@ -229,13 +229,4 @@ fn autocovariance<'a>(cubes: impl Iterator<Item = &'a Cube>) -> [f64; 75] {
         }
     }
     std::array::from_fn(|n| if counts[n] > 0.0 { sums[n] / counts[n] } else { 0.0 })
-}
-
-/// Returns a quantile of values; `None` of none.
-pub(super) fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
-    if share == 0.5 {
-        return median(values);
-    }
-    let at = ((values.len() as f64 - 1.0).max(0.0) * share).round() as usize;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(at, f64::total_cmp).1)
 }

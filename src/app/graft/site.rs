@@ -2,8 +2,8 @@
 
 use glam::{DVec3, Vec3};
 
-use super::draw::Draw;
 use super::form::Root;
+use crate::math::hash::Stream;
 use crate::phantom::PolypSite;
 use crate::polyps::Wall;
 
@@ -44,7 +44,7 @@ impl<'a> Sites<'a> {
         &self,
         site: PolypSite,
         radius_mm: f64,
-        draw: &mut Draw,
+        draw: &mut Stream,
         accepts: impl Fn(DVec3) -> bool,
     ) -> Option<Root> {
         let wall = self.wall;

@@ -15,6 +15,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::math::normal;
+use crate::math::ranked::median;
 use crate::polyps::Wall;
 use crate::space::ray::trilinear;
 use crate::volume::Volume;
@@ -219,10 +220,4 @@ fn fit(profiles: &[&Profile], tissue: f64, sharp: Option<f64>) -> Option<(f64, f
 /// Returns the edge spread, 0 in gas and 1 in tissue, at `u` standard deviations into the tissue.
 fn edge(u: f64, sharp: f64) -> f64 {
     normal::cdf(u) + sharp * u * (-0.5 * u * u).exp() / std::f64::consts::TAU.sqrt()
-}
-
-/// Returns the median of values; `None` of none.
-pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }

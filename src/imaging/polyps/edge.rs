@@ -7,6 +7,7 @@
 //! Both depend on the scan and are measured at the lesion itself.
 
 use super::Wall;
+use crate::math::ranked::median;
 use crate::space::ray::trilinear;
 use crate::volume::Volume;
 
@@ -90,12 +91,6 @@ pub(super) fn crossing(level: f64, at: impl Fn(f64) -> Option<f64>) -> Option<f6
         before = here;
     }
     None
-}
-
-/// Returns the median of values; `None` of none.
-pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }
 
 #[cfg(test)]

@@ -13,8 +13,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::Wall;
-use super::edge::{crossing, median};
+use super::edge::crossing;
 use crate::error::Result;
+use crate::math::ranked::median;
 use crate::progress::Progress;
 use crate::space::ray::trilinear;
 use crate::volume::Volume;

@@ -26,6 +26,31 @@ pub fn normal(seed: u64, counter: u64) -> f64 {
     (sum as f64 / 65535.0 - 2.0) * 3f64.sqrt()
 }
 
+/// A stream of random numbers: each draw has the next counter. Streams of one seed are independent of each other.
+#[derive(Clone, Debug)]
+pub struct Stream {
+    seed: u64,
+    next: u64,
+}
+
+impl Stream {
+    /// Returns a stream of a seed, by its number.
+    pub fn new(seed: u64, stream: u64) -> Self {
+        Self { seed: bits(seed, stream), next: 0 }
+    }
+
+    /// Draws a number from `lo` to `hi`.
+    pub fn within(&mut self, lo: f64, hi: f64) -> f64 {
+        self.next += 1;
+        lo + (hi - lo) * uniform(self.seed, self.next)
+    }
+
+    /// Draws a number below `count`, which is not 0.
+    pub fn below(&mut self, count: usize) -> usize {
+        (self.within(0.0, count as f64) as usize).min(count.saturating_sub(1))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
