@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use fearless_simd::{Level, Simd, dispatch};
 use glam::Vec3;
 
 use crate::fields::lumen::runs::Rows;
@@ -60,11 +61,22 @@ impl Bricks {
         (0..marked.len()).filter(|&b| marked[b]).collect()
     }
 
+    /// Returns which brick along each axis a brick is.
+    pub(super) fn at(&self, brick: usize) -> [usize; 3] {
+        let counts = self.counts();
+        [brick % counts[0], brick / counts[0] % counts[1], brick / counts[0] / counts[1]]
+    }
+
     /// Returns the box of a brick with a margin, which may lie outside the grid.
     pub(super) fn block(&self, brick: usize, margin: [usize; 3]) -> Block {
-        let (edges, counts) = (self.edges(), self.counts());
-        let at = [brick % counts[0], brick / counts[0] % counts[1], brick / counts[0] / counts[1]];
-        let own = [0, 1, 2].map(|a| edges[a].min(self.dims[a] - at[a] * edges[a]));
+        self.blocks(self.at(brick), [1; 3], margin)
+    }
+
+    /// Returns the box of so many bricks along each axis, as far as there are, from one of them on, with a margin. Rows are words:
+    /// there is one brick along x.
+    pub(super) fn blocks(&self, at: [usize; 3], many: [usize; 3], margin: [usize; 3]) -> Block {
+        let edges = self.edges();
+        let own = [0, 1, 2].map(|a| (many[a] * edges[a]).min(self.dims[a] - at[a] * edges[a]));
         Block {
             first: [0, 1, 2].map(|a| (at[a] * edges[a]) as i64 - margin[a] as i64),
             dims: [0, 1, 2].map(|a| own[a] + 2 * margin[a]),
@@ -193,20 +205,34 @@ impl Block {
     /// Blurs by Gaussians of standard deviations `sigma` (voxels), one axis after the other. Beyond the box its outermost values
     /// are repeated.
     pub(super) fn blur(&self, values: &mut Vec<f32>, sigma: [f64; 3]) {
+        let bells = sigma.map(bell);
+        dispatch!(Level::new(), simd => simd.vectorize(
+            #[inline(always)]
+            || self.blurred(values, &bells),
+        ));
+    }
+
+    #[inline(always)]
+    fn blurred(&self, values: &mut Vec<f32>, bells: &[Vec<f32>; 3]) {
         let [nx, ny, nz] = self.dims;
         let strides = self.strides();
         let mut from = vec![0f32; values.len()];
         for a in 0..3 {
-            let bell = bell(sigma[a]);
+            let bell = &bells[a];
             std::mem::swap(values, &mut from);
             if a == 0 {
                 for (to, row) in values.chunks_exact_mut(nx).zip(from.chunks_exact(nx)) {
-                    for x in 0..nx {
-                        let mut sum = bell[0] * row[x];
-                        for (d, b) in bell.iter().enumerate().skip(1) {
-                            sum += b * (row[x.saturating_sub(d)] + row[(x + d).min(nx - 1)]);
+                    to.iter_mut().zip(row).for_each(|(t, f)| *t = bell[0] * f);
+                    for (d, b) in bell.iter().enumerate().skip(1) {
+                        let (first, last) = (d.min(nx), nx.saturating_sub(d));
+                        let at = |x: usize| b * (row[x.saturating_sub(d)] + row[(x + d).min(nx - 1)]);
+                        for x in (0..first.min(last)).chain(last.max(first.min(last))..nx) {
+                            to[x] += at(x);
                         }
-                        to[x] = sum;
+                        if first < last {
+                            let both = row[..last - d].iter().zip(&row[first + d..]);
+                            to[first..last].iter_mut().zip(both).for_each(|(t, (l, h))| *t += b * (l + h));
+                        }
                     }
                 }
                 continue;
@@ -229,6 +255,14 @@ impl Block {
     }
     /// Replaces each value by what `of` keeps of those in a box of half sides `reach` around it, as far as it is in this box.
     pub(super) fn spread(&self, values: &mut Vec<f32>, reach: [usize; 3], of: impl Fn(f32, f32) -> f32) {
+        dispatch!(Level::new(), simd => simd.vectorize(
+            #[inline(always)]
+            || self.spread_along(values, reach, &of),
+        ));
+    }
+
+    #[inline(always)]
+    fn spread_along(&self, values: &mut Vec<f32>, reach: [usize; 3], of: impl Fn(f32, f32) -> f32) {
         let [nx, ny, nz] = self.dims;
         let mut from = vec![0f32; values.len()];
         for (to, row) in from.chunks_exact_mut(nx).zip(values.chunks_exact(nx)) {
@@ -405,6 +439,12 @@ impl CellMeans {
         Self { first: low, dims: block.dims, cell, values }
     }
 
+    /// Returns the first voxel along x that is not before the middle of a cell, which is counted from the first one.
+    fn middle(&self, x: usize) -> i64 {
+        let cell = self.cell[0] as i64;
+        cell * (x as i64 + self.first[0]) + cell / 2
+    }
+
     /// Writes the values along a row of voxels that begins at `voxel`.
     pub(super) fn row(&self, voxel: [i64; 3], out: &mut [f32]) {
         let place = |a: usize, v: i64| {
@@ -427,8 +467,8 @@ impl CellMeans {
         while from < out.len() {
             // All voxels between two cells' middles at once.
             let (x, _) = place(0, voxel[0] + from as i64);
-            let until = if x + 2 < nx { ((x + 1) as f32 - begin) * self.cell[0] } else { f32::INFINITY };
-            let until = (until.ceil() as usize).clamp(from + 1, out.len());
+            let until = if x + 2 < nx { self.middle(x + 1) - voxel[0] } else { i64::MAX };
+            let until = until.clamp(from as i64 + 1, out.len() as i64) as usize;
             let (low, high) = (line(x), line((x + 1).min(nx - 1)));
             for (n, out) in out[from..until].iter_mut().enumerate() {
                 let p = begin + (from + n) as f32 / self.cell[0];

@@ -48,6 +48,8 @@ const CONTRAST: f32 = 100.0;
 const TISSUES: std::ops::RangeInclusive<f32> = -20.0..=220.0;
 /// Values of gas, HU.
 const GASES: std::ops::RangeInclusive<f32> = -1100.0..=-820.0;
+/// Tag's own brightness is found for so many bricks at a time, along y and along z: its margin is wider than a brick.
+const GROUP: usize = 3;
 /// Maximum margin of a block, voxels, so that its rows fit into words.
 const MARGIN: usize = (Mask::ROW - 32) / 2;
 /// Noise and texture, HU: values that exceed tissue by no more than this may be tissue.
@@ -93,6 +95,44 @@ struct Pool {
     /// Number of pure tag voxels.
     pure: f64,
     tissue: CellMeans,
+}
+
+impl Pool {
+    /// Returns the depth of a voxel below the level, voxels along `down`.
+    fn depth_at(&self, voxel: [i64; 3]) -> f32 {
+        (self.depth.dot(DVec3::from_array(voxel.map(|c| c as f64))) - self.above) as f32
+    }
+}
+
+/// By how much tag is brighter than its mean, HU, by brick.
+struct Brighter(BTreeMap<usize, Vec<i16>>);
+
+impl Brighter {
+    /// Returns it for each voxel of a block, HU; 0 where it is not known.
+    fn around(&self, bricks: &Bricks, block: &Block) -> Vec<f32> {
+        let (edges, counts) = (bricks.edges(), bricks.counts());
+        let mut out = vec![0f32; block.len()];
+        let within = |v: i64, a: usize| (0..bricks.dims[a] as i64).contains(&v).then_some(v as usize);
+        for (row, out) in out.chunks_exact_mut(block.dims[0]).enumerate() {
+            let [first, y, z] = block.voxel(row * block.dims[0]);
+            let Some((y, z)) = within(y, 1).zip(within(z, 2)) else { continue };
+            let mut x = first.max(0) as usize;
+            let end = (first + block.dims[0] as i64).clamp(0, bricks.dims[0] as i64) as usize;
+            while x < end {
+                let at = [x / edges[0], y / edges[1], z / edges[2]];
+                let until = end.min((at[0] + 1) * edges[0]);
+                if let Some(values) = self.0.get(&(at[0] + counts[0] * (at[1] + counts[1] * at[2]))) {
+                    let own = bricks.blocks(at, [1; 3], [0; 3]);
+                    let from = own.index([x, y, z].map(|c| c as i64));
+                    let to = (x as i64 - first) as usize;
+                    let to = out[to..to + until - x].iter_mut();
+                    to.zip(&values[from..]).for_each(|(to, hu)| *to = f32::from(*hu));
+                }
+                x = until;
+            }
+        }
+        out
+    }
 }
 
 /// Reasons why a pool was not removed.
@@ -142,10 +182,12 @@ pub(super) fn cleanse(
     }
     let mut work = Vec::new();
     let mut pools = Vec::new();
+    let mut runs = Vec::new();
     for (fluid, found) in fluids.iter().zip(found) {
         let Some((pool, found)) = found else { continue };
         work.extend(bricks.around(&fluid.runs, reach(volume)).into_iter().map(|b| (b, pools.len())));
         pools.push(pool);
+        runs.push(&fluid.runs);
         out.taken.push(found);
     }
     // Pools of one brick are together, so that where two overlap the darker value is taken, which is that without either.
@@ -154,25 +196,23 @@ pub(super) fn cleanse(
     let sharpened = Sharpened::new(scanner.blur_mm, NEIGHBOURHOOD_MM);
     let slabs = Slabs::new(volume.grid().spacing(), SLAB_MM);
     let spacing = volume.grid().spacing().to_array();
-    let shared = Shared {
-        volume,
-        lumen,
-        split,
-        bricks,
-        phi: Phi::new(),
-        sharpened,
-        slabs,
-        beside: (purpose == For::Reading).then(|| Beside::new(scanner.blur_mm, spacing)),
-        inner: inner(scanner, spacing),
-    };
+    let shared =
+        Shared { volume, lumen, split, bricks, phi: Phi::new(), sharpened, slabs, inner: inner(scanner, spacing) };
+    let mut brighter = Vec::new();
+    if purpose == For::Reading {
+        let beside = Beside::new(scanner.blur_mm, spacing);
+        for (pool, runs) in pools.iter().zip(runs) {
+            brighter.push(shared.brighter(beside, pool, runs, progress)?);
+        }
+    }
     let together = |group: &[(usize, usize)]| {
         progress.check()?;
         if let [(brick, pool)] = group {
-            return Ok(shared.within(&pools[*pool], *brick));
+            return Ok(shared.within(&pools[*pool], brighter.get(*pool), *brick));
         }
         let mut values: BTreeMap<usize, i16> = BTreeMap::new();
         for (brick, pool) in group {
-            for (n, hu) in shared.within(&pools[*pool], *brick).each() {
+            for (n, hu) in shared.within(&pools[*pool], brighter.get(*pool), *brick).each() {
                 values.entry(n).and_modify(|v| *v = hu.min(*v)).or_insert(hu);
             }
         }
@@ -229,6 +269,16 @@ fn risen(
 /// How far from fluid values are replaced, voxels.
 fn reach(volume: &Volume) -> [usize; 3] {
     (REACH_MM / volume.grid().spacing()).floor().to_array().map(|r| (r as usize).clamp(1, MARGIN))
+}
+
+/// Returns the standard deviation of the neighbourhood, voxels.
+fn neighbourhood(spacing: DVec3) -> [f64; 3] {
+    (NEIGHBOURHOOD_MM / spacing).to_array()
+}
+
+/// Returns how far around a voxel values matter for it and its neighbours, voxels.
+fn margin(spacing: DVec3) -> [usize; 3] {
+    neighbourhood(spacing).map(|s| ((3.0 * s).ceil() as usize + 1).min(MARGIN))
 }
 
 /// How far within fluid no other material is seen, voxels.
@@ -451,27 +501,23 @@ struct Shared<'a> {
     phi: Phi,
     sharpened: Sharpened,
     slabs: Slabs,
-    /// For a scan that is read.
-    beside: Option<Beside>,
     /// How far within fluid no other material is seen, voxels.
     inner: [usize; 3],
 }
 
 impl Shared<'_> {
     /// Returns the new values of one brick around one pool.
-    fn within(&self, pool: &Pool, brick: usize) -> Changes {
+    fn within(&self, pool: &Pool, brighter: Option<&Brighter>, brick: usize) -> Changes {
         let grid = self.volume.grid();
         let spacing = grid.spacing();
         let wide = self.bricks.block(brick, reach(self.volume).map(|r| (2 * r).min(MARGIN)));
         let mask = wide.mask(self.lumen.fluid(), |n| self.split.labels[n] == Some(pool.label));
-        let s = [0, 1, 2].map(|a| NEIGHBOURHOOD_MM / spacing[a]);
-        // What a voxel's own value needs, and its neighbours'.
-        let around = s.map(|s| ((3.0 * s).ceil() as usize + 1).min(MARGIN));
+        let s = neighbourhood(spacing);
+        let around = margin(spacing);
         let block = self.bricks.block(brick, around);
         let per_sigma = (spacing[pool.down.axis] / pool.blur_mm) as f32;
         // The depth along a row is linear.
-        let depth_at =
-            |v: [i64; 3]| (pool.depth.dot(DVec3::from_array(v.map(|c| c as f64))) - pool.above) as f32 * per_sigma;
+        let depth_at = |v: [i64; 3]| pool.depth_at(v) * per_sigma;
         let slope = pool.depth.x as f32 * per_sigma;
         let nx = block.dims[0];
         let mut changed: Vec<(usize, i16)> = Vec::new();
@@ -506,7 +552,7 @@ impl Shared<'_> {
             };
             Risen::new([&risen, &fluid, &gas], &wide_hu, [&wide, &block], spacing / pool.blur_mm, materials)
         });
-        let brighter = self.beside.map(|beside| self.brighter(beside, pool, brick, &block, depth_at));
+        let brighter = brighter.map(|b| b.around(&self.bricks, &block));
         // Rows whose neighbourhoods hold nothing that is asked for stay empty.
         let needed = block.rows_around(&near, around);
         for from in (0..block.len()).step_by(nx).filter(|from| needed[from / nx]) {
@@ -559,48 +605,81 @@ impl Shared<'_> {
         Changes::from_sorted(changed.into_iter())
     }
 
-    /// Returns by how much the pool's tag is brighter around each voxel of a block of a brick than its mean, HU.
+    /// Returns by how much a pool's tag is brighter around each voxel than its mean.
     fn brighter(
         &self,
         beside: Beside,
         pool: &Pool,
-        brick: usize,
-        block: &Block,
-        depth_at: impl Fn([i64; 3]) -> f32,
-    ) -> Vec<f32> {
-        let margin = beside.reach();
-        let wide = self.bricks.block(brick, [0, 1, 2].map(|a| (block.margin[a] + margin[a]).min(MARGIN)));
+        runs: &[(usize, usize, Range<usize>)],
+        progress: &Progress,
+    ) -> Result<Brighter> {
+        let spacing = self.volume.grid().spacing();
+        let (margin, reach) = (margin(spacing), reach(self.volume));
+        let mut groups: BTreeMap<[usize; 3], Vec<usize>> = BTreeMap::new();
+        for brick in self.bricks.around(runs, [0, 1, 2].map(|a| margin[a] + reach[a])) {
+            let [x, y, z] = self.bricks.at(brick);
+            groups.entry([x, y / GROUP * GROUP, z / GROUP * GROUP]).or_default().push(brick);
+        }
+        let groups: Vec<_> = groups.into_iter().collect();
+        let parts = groups.par_iter().map(|(at, bricks)| {
+            progress.check()?;
+            let wide = self.bricks.blocks(*at, [1, GROUP, GROUP], beside.reach().map(|r| r.min(MARGIN)));
+            let found = self.brighter_within(beside, pool, &wide);
+            let own = |&brick: &usize| {
+                let block = self.bricks.block(brick, [0; 3]);
+                let mut values = Vec::with_capacity(block.len());
+                for from in (0..block.len()).step_by(block.dims[0]) {
+                    let at = wide.index(block.voxel(from));
+                    values.extend(found[at..at + block.dims[0]].iter().map(|hu| hu.round() as i16));
+                }
+                (brick, values)
+            };
+            Ok(bricks.iter().map(own).collect::<Vec<(usize, Vec<i16>)>>())
+        });
+        let parts: Vec<_> = parts.collect::<Result<_>>()?;
+        Ok(Brighter(parts.into_iter().flatten().collect()))
+    }
+
+    /// Returns by how much a pool's tag is brighter around each voxel of a block than its mean, HU; exact where the block goes on around
+    /// it.
+    fn brighter_within(&self, beside: Beside, pool: &Pool, wide: &Block) -> Vec<f32> {
+        let per_sigma = (self.volume.grid().spacing()[pool.down.axis] / pool.blur_mm) as f32;
+        let mut fluid = wide.mask(self.lumen.fluid(), |n| self.split.labels[n] == Some(pool.label));
+        if fluid.is_empty() {
+            return vec![0.0; wide.len()];
+        }
         let nx = wide.dims[0];
         let scan = wide.load(self.volume);
-        let hu = beside.smooth(&wide, scan.clone());
-        let mut fluid = wide.mask(self.lumen.fluid(), |n| self.split.labels[n] == Some(pool.label));
+        let hu = beside.smooth(wide, scan.clone());
         // Some of the tag may be too faint for the lumen; what is so bright along an edge alone is not.
         let mut faint = fluid.dilated(reach(self.volume));
-        faint.keep(|n| !fluid.has(n) && hu[n] > TISSUE + CONTRAST);
+        let (mut own, mut row) = (vec![0f32; nx], usize::MAX);
+        faint.keep(|n| {
+            if fluid.has(n) || hu[n] < TISSUE + CONTRAST {
+                return false;
+            }
+            if n / nx != row {
+                row = n / nx;
+                pool.tissue.row(wide.voxel(row * nx), &mut own);
+            }
+            hu[n] > own[n % nx] + CONTRAST
+        });
         faint = faint.eroded([1; 3]);
         if !faint.is_empty() {
-            let (mut own, mut row) = (vec![0f32; nx], usize::MAX);
-            let near = self.downhill(&wide, &scan, &fluid);
-            faint.keep(|n| {
-                if n / nx != row {
-                    row = n / nx;
-                    pool.tissue.row(wide.voxel(row * nx), &mut own);
-                }
-                near.has(n) && hu[n] > own[n % nx] + CONTRAST
-            });
+            let near = self.downhill(wide, &scan, &fluid);
+            faint.keep(|n| near.has(n));
             fluid.add(&faint.dilated([1; 3]));
         }
         let mut usual = vec![0f32; wide.len()];
-        let needed = wide.rows_around(&fluid, margin);
+        let needed = wide.rows_around(&fluid, beside.reach());
         for row in (0..needed.len()).filter(|row| needed[*row]) {
             pool.tag.row(wide.voxel(row * nx), &mut usual[row * nx..(row + 1) * nx]);
         }
         let mut deep = fluid.clone();
-        deep.keep(|n| depth_at(wide.voxel(n)) > DEEP);
+        deep.keep(|n| pool.depth_at(wide.voxel(n)) * per_sigma > DEEP);
         let mut pure = fluid.eroded(self.inner);
         pure.keep(|n| deep.has(n));
-        let found = beside.brighter(&wide, &hu, &usual, [&fluid, &deep, &pure]);
-        (0..block.len()).map(|n| found[wide.index(block.voxel(n))]).collect()
+        beside.brighter(wide, &hu, &usual, [&fluid, &deep, &pure])
     }
 
     /// Returns what lies around fluid: the voxels within reach to which values never rise on the way, but for texture. What rises
