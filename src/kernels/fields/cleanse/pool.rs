@@ -688,7 +688,13 @@ impl Shared<'_> {
         let within = mask.dilated(reach(self.volume));
         let mut near = mask.clone();
         let mut open = Vec::new();
-        mask.each(|n| open.push(n));
+        // Around the others there is nothing but fluid.
+        let inner = mask.eroded([1; 3]);
+        mask.each(|n| {
+            if !inner.has(n) {
+                open.push(n);
+            }
+        });
         let strides = block.strides();
         let longest = reach(self.volume).map(|r| (2 * r).min(MARGIN)).into_iter().min().unwrap_or(0);
         for _ in 0..longest {
