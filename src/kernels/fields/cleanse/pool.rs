@@ -21,7 +21,7 @@ use std::ops::Range;
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::beside::Beside;
+use super::beside::{Beside, Brighter};
 use super::block::{Block, Bricks, CellMeans, Mask, Phi};
 use super::changes::Changes;
 use super::model::{CleansedPool, Left};
@@ -48,8 +48,6 @@ const CONTRAST: f32 = 100.0;
 const TISSUES: std::ops::RangeInclusive<f32> = -20.0..=220.0;
 /// Values of gas, HU.
 const GASES: std::ops::RangeInclusive<f32> = -1100.0..=-820.0;
-/// Tag's own brightness is found for so many bricks at a time, along y and along z: its margin is wider than a brick.
-const GROUP: usize = 3;
 /// Maximum margin of a block, voxels, so that its rows fit into words.
 const MARGIN: usize = (Mask::ROW - 32) / 2;
 /// Noise and texture, HU: values that exceed tissue by no more than this may be tissue.
@@ -101,37 +99,6 @@ impl Pool {
     /// Returns the depth of a voxel below the level, voxels along `down`.
     fn depth_at(&self, voxel: [i64; 3]) -> f32 {
         (self.depth.dot(DVec3::from_array(voxel.map(|c| c as f64))) - self.above) as f32
-    }
-}
-
-/// By how much tag is brighter than its mean, HU, by brick.
-struct Brighter(BTreeMap<usize, Vec<i16>>);
-
-impl Brighter {
-    /// Returns it for each voxel of a block, HU; 0 where it is not known.
-    fn around(&self, bricks: &Bricks, block: &Block) -> Vec<f32> {
-        let (edges, counts) = (bricks.edges(), bricks.counts());
-        let mut out = vec![0f32; block.len()];
-        let within = |v: i64, a: usize| (0..bricks.dims[a] as i64).contains(&v).then_some(v as usize);
-        for (row, out) in out.chunks_exact_mut(block.dims[0]).enumerate() {
-            let [first, y, z] = block.voxel(row * block.dims[0]);
-            let Some((y, z)) = within(y, 1).zip(within(z, 2)) else { continue };
-            let mut x = first.max(0) as usize;
-            let end = (first + block.dims[0] as i64).clamp(0, bricks.dims[0] as i64) as usize;
-            while x < end {
-                let at = [x / edges[0], y / edges[1], z / edges[2]];
-                let until = end.min((at[0] + 1) * edges[0]);
-                if let Some(values) = self.0.get(&(at[0] + counts[0] * (at[1] + counts[1] * at[2]))) {
-                    let own = bricks.blocks(at, [1; 3], [0; 3]);
-                    let from = own.index([x, y, z].map(|c| c as i64));
-                    let to = (x as i64 - first) as usize;
-                    let to = out[to..to + until - x].iter_mut();
-                    to.zip(&values[from..]).for_each(|(to, hu)| *to = f32::from(*hu));
-                }
-                x = until;
-            }
-        }
-        out
     }
 }
 
@@ -606,38 +573,14 @@ impl Shared<'_> {
     }
 
     /// Returns by how much a pool's tag is brighter around each voxel than its mean.
-    fn brighter(
-        &self,
-        beside: Beside,
-        pool: &Pool,
-        runs: &[(usize, usize, Range<usize>)],
-        progress: &Progress,
-    ) -> Result<Brighter> {
-        let spacing = self.volume.grid().spacing();
-        let (margin, reach) = (margin(spacing), reach(self.volume));
-        let mut groups: BTreeMap<[usize; 3], Vec<usize>> = BTreeMap::new();
-        for brick in self.bricks.around(runs, [0, 1, 2].map(|a| margin[a] + reach[a])) {
-            let [x, y, z] = self.bricks.at(brick);
-            groups.entry([x, y / GROUP * GROUP, z / GROUP * GROUP]).or_default().push(brick);
-        }
-        let groups: Vec<_> = groups.into_iter().collect();
-        let parts = groups.par_iter().map(|(at, bricks)| {
+    fn brighter(&self, beside: Beside, pool: &Pool, runs: &[Place], progress: &Progress) -> Result<Brighter> {
+        let (margin, reach) = (margin(self.volume.grid().spacing()), reach(self.volume));
+        let bricks = self.bricks.around(runs, [0, 1, 2].map(|a| margin[a] + reach[a]));
+        let around = beside.reach().map(|r| r.min(MARGIN));
+        Brighter::find(&self.bricks, &bricks, around, |wide| {
             progress.check()?;
-            let wide = self.bricks.blocks(*at, [1, GROUP, GROUP], beside.reach().map(|r| r.min(MARGIN)));
-            let found = self.brighter_within(beside, pool, &wide);
-            let own = |&brick: &usize| {
-                let block = self.bricks.block(brick, [0; 3]);
-                let mut values = Vec::with_capacity(block.len());
-                for from in (0..block.len()).step_by(block.dims[0]) {
-                    let at = wide.index(block.voxel(from));
-                    values.extend(found[at..at + block.dims[0]].iter().map(|hu| hu.round() as i16));
-                }
-                (brick, values)
-            };
-            Ok(bricks.iter().map(own).collect::<Vec<(usize, Vec<i16>)>>())
-        });
-        let parts: Vec<_> = parts.collect::<Result<_>>()?;
-        Ok(Brighter(parts.into_iter().flatten().collect()))
+            Ok(self.brighter_within(beside, pool, wide))
+        })
     }
 
     /// Returns by how much a pool's tag is brighter around each voxel of a block than its mean, HU; exact where the block goes on around

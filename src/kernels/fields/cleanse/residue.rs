@@ -77,8 +77,11 @@ const SLAB_MM: f64 = 7.0;
 /// leaves 0.6. They are looked at where they exceed tissue by this share of the tag's contrast, so that a wall within tag shows as well.
 const STEEP: f64 = 0.7;
 const EDGE_SHARE: f32 = 0.3;
-/// Where no line meets an edge, it is tag if there is such tag at most this many voxels away.
-const GRAZED: usize = 2;
+/// A fold thinner than the blur under two coats shows no dip, and its edges are as steep: tag is sure only if it is thicker than this, mm,
+/// and nothing within the next distance of it, mm, is a wall. What lies around such tag, up to the last, mm, is the rim of the same lump.
+const LUMP_MM: f64 = 3.5;
+const APART_MM: f64 = 1.6;
+const RIM_MM: f64 = 2.5;
 /// Maximum distance to tag on both sides at which something is a bubble in tag, or the skin of one, mm.
 const GAP_MM: f64 = 1.5;
 /// Reason why residue was left.
@@ -168,7 +171,8 @@ pub(super) fn cleanse(
     let runs: Vec<_> = rows.iter().map(|(j, k, r)| (j, k, r.range())).collect();
     let reach = (REACH_MM / grid.spacing()).floor().to_array().map(|r| (r as usize).clamp(1, MARGIN));
     let work = bricks.around(&runs, reach);
-    let close = (CLOSE_MM / grid.spacing()).round().to_array().map(|r| (r as usize).clamp(1, MARGIN));
+    let voxels_within = |mm: f64| (mm / grid.spacing()).round().to_array().map(|r| (r as usize).clamp(1, MARGIN));
+    let close = voxels_within(CLOSE_MM);
     let gap = (GAP_MM / grid.spacing()).round().to_array().map(|r| (r as usize).min(MARGIN / 2));
     let shared = Shared {
         volume,
@@ -180,6 +184,8 @@ pub(super) fn cleanse(
         reach,
         gap,
         close,
+        apart: voxels_within(APART_MM),
+        rim: voxels_within(RIM_MM),
         sigma: scanner.blur_mm,
         gas: scanner.gas_hu,
         fitter: Fitter::new(),
@@ -403,6 +409,8 @@ struct Shared<'a> {
     reach: [usize; 3],
     gap: [usize; 3],
     close: [usize; 3],
+    apart: [usize; 3],
+    rim: [usize; 3],
     /// Blur of the scan, mm, and HU of its gas.
     sigma: f64,
     gas: f32,
@@ -446,7 +454,8 @@ impl Shared<'_> {
             let v = block.voxel(n);
             let is_by = |a: usize| {
                 let at = (v[a] - block.first[a]) as usize;
-                at + GRAZED >= block.margin[a] && at < block.dims[a] - block.margin[a] + GRAZED
+                let near = (self.rim[a] + self.apart[a]).min(block.margin[a]);
+                at + near >= block.margin[a] && at < block.dims[a] - block.margin[a] + near
             };
             around.has(n) && (0..3).all(is_by)
         });
@@ -512,33 +521,35 @@ impl Shared<'_> {
     /// ```
     ///
     /// at the value `v`, while tissue between them, or between tag and tag, makes a step on which it is smaller. Differences over `±h`
-    /// add `h²/3` to σ². Lines that meet no such edge graze the tag: what is beside it there is like it.
+    /// add `h²/3` to σ². Only tag of some thickness is sure, and what is around it and no wall: the rim of a lump.
     fn lumps(&self, block: &Block, asked: &Mask, gas: &Mask, hu: &[f32], tag: &[f32]) -> [Mask; 2] {
-        let mut lump = asked.clone();
-        lump.keep_rows(|_| false);
-        let (mut wall, mut grazed) = (lump.clone(), lump.clone());
+        let mut core = asked.clone();
+        core.keep_rows(|_| false);
+        let (mut wall, mut between) = (core.clone(), core.clone());
         asked.each(|n| {
-            let mut found = None;
-            for line in self.slabs.across(block, gas, n) {
-                grazed.set(n);
-                found = self.is_tag(block, hu, tag[n], line).or(found);
+            let (mut found, mut thin) = (None, f64::INFINITY);
+            for (line, mm) in self.slabs.across(block, gas, n) {
+                between.set(n);
+                found = self.is_tag(block, hu, tag[n], line.clone()).or(found);
                 if found == Some(false) {
-                    break;
+                    return wall.set(n);
                 }
+                let share = |n: usize| f64::from((hu[n] - self.gas) / (tag[n] - self.gas).max(1.0)).clamp(0.0, 1.0);
+                thin = thin.min(mm * line.map(share).sum::<f64>());
             }
-            match found {
-                Some(true) => lump.set(n),
-                Some(false) => wall.set(n),
-                None => {}
+            if found.is_some() && thin > LUMP_MM {
+                core.set(n);
             }
         });
-        let (beside, walls) = (lump.dilated([GRAZED; 3]), wall.dilated([1; 3]));
-        let mut slab = wall;
-        grazed.each(|n| {
+        let walls = wall.dilated(self.apart);
+        core.keep(|n| !walls.has(n));
+        let around = core.dilated(self.rim);
+        let (mut lump, mut slab) = (core, wall);
+        between.each(|n| {
             if slab.has(n) || lump.has(n) {
                 return;
             }
-            if beside.has(n) && !walls.has(n) { lump.set(n) } else { slab.set(n) }
+            if around.has(n) { lump.set(n) } else { slab.set(n) }
         });
         [lump, slab]
     }

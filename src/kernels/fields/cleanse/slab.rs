@@ -28,13 +28,14 @@ impl Slabs {
         self.across(block, lumen, n).next().is_some()
     }
 
-    /// Returns the lines on which the voxel at an index of a block has the lumen on both sides: the indices from one side to the other.
+    /// Returns the lines on which the voxel at an index of a block has the lumen on both sides: the indices from one side to the other,
+    /// and the distance from one to the next, mm.
     pub(super) fn across<'a>(
         &'a self,
         block: &Block,
         lumen: &'a Mask,
         n: usize,
-    ) -> impl Iterator<Item = impl Iterator<Item = usize> + Clone> + 'a {
+    ) -> impl Iterator<Item = (impl Iterator<Item = usize> + Clone, f64)> + 'a {
         let (block, strides) = (*block, block.strides());
         self.lines.iter().filter_map(move |line| {
             let offset = line.offset(&strides);
@@ -42,7 +43,7 @@ impl Slabs {
             let at = move |m: isize| n.wrapping_add_signed(m * offset);
             let side = |sign: isize| (1..steps as isize).find(|&m| lumen.has(at(sign * m)));
             let (a, b) = side(1).zip(side(-1))?;
-            ((a + b) as f64 * line.mm < self.mm).then(|| (-b..=a).map(at))
+            ((a + b) as f64 * line.mm < self.mm).then(|| ((-b..=a).map(at), line.mm))
         })
     }
 }
