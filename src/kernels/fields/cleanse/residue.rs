@@ -80,7 +80,7 @@ const EDGE_SHARE: f32 = 0.3;
 /// A fold thinner than the blur under two coats shows no dip, and its edges are as steep: tag is sure only if it is thicker than this, mm,
 /// and nothing within the next distance of it, mm, is a wall. What lies around such tag, up to the last, mm, is the rim of the same lump.
 const LUMP_MM: f64 = 3.5;
-const APART_MM: f64 = 1.6;
+const APART_MM: f64 = 0.8;
 const RIM_MM: f64 = 2.5;
 /// Maximum distance to tag on both sides at which something is a bubble in tag, or the skin of one, mm.
 const GAP_MM: f64 = 1.5;
