@@ -9,6 +9,7 @@ use crate::components::output::{Follows, FrameCache, Picture};
 use crate::components::scan::Scan;
 use crate::error::{Kind, Result};
 use crate::panics;
+use crate::render::awake::awake;
 use crate::render::{CameraModel, Options, Preset, ShaderModel, View, camera, presets, shaders};
 use crate::schedule::{App, FlightSystems, Main, Phase, Slot, book_time, note, report_fault};
 use crate::space::PreparedVolume;
@@ -118,7 +119,7 @@ fn trace(picture: &mut Picture, cache: &mut FrameCache, scan: &PreparedVolume, v
         renderer.set_budget(budget);
     }
     let begun = Instant::now();
-    picture.work = renderer.render(view, &mut picture.frame);
+    picture.work = awake(|| renderer.render(view, &mut picture.frame));
     if let Some((who, what)) = renderer.complaint() {
         note(who, what);
     }

@@ -93,6 +93,11 @@ fn scenes_are_reported() {
     assert!(step("tentacles") > 0.0, "128 rays a step are not for nothing");
     assert!(parts.iter().all(|r| r[2].parse::<f64>().unwrap() >= 0.0), "leaving out never takes memory");
     assert_eq!(csv(&dir.path().join("built.csv")).1.len(), 2);
+    let (_, threads) = csv(&dir.path().join("threads.csv"));
+    assert_eq!(threads[0][0], "1");
+    assert!(threads.iter().all(|r| r[1..].iter().all(|v| v.parse::<f64>().unwrap() >= 0.0)), "{threads:?}");
+    let (_, jobs) = csv(&dir.path().join("jobs.csv"));
+    assert_eq!(jobs.len(), 5 * threads.len());
 }
 
 #[test]

@@ -4,8 +4,13 @@ use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
 
+use rayon::prelude::*;
+
 use crate::error;
 use crate::output::{self, png};
+
+/// Number of pixels that a thread copies at a time.
+const PART: usize = 1 << 16;
 
 /// The size of an image, pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -111,7 +116,8 @@ impl Frame {
     /// Copies the pixels of another picture, taking its size. The depth of this frame is left alone.
     pub fn show(&mut self, other: &Self) {
         self.resize(other.width, other.height);
-        self.pixels.copy_from_slice(&other.pixels);
+        let parts = self.pixels.par_chunks_mut(PART).zip(other.pixels.par_chunks(PART));
+        parts.for_each(|(to, from)| to.copy_from_slice(from));
     }
 
     /// Draws another picture into this one with its top left pixel at `column`, `row`. Pixels beyond the edges are cut off.

@@ -11,6 +11,8 @@ mod accelerations;
 #[doc(hidden)]
 pub mod adaptive;
 #[doc(hidden)]
+pub mod awake;
+#[doc(hidden)]
 pub mod begin;
 #[doc(hidden)]
 pub mod bytes;

@@ -1,4 +1,6 @@
-//! `report scenes`: the bytes and milliseconds saved by each part that a scene leaves out.
+//! `report scenes`: the bytes and milliseconds saved by each part that a scene leaves out, and what threads give.
+
+mod threads;
 
 use std::hint::black_box;
 use std::path::Path;
@@ -13,15 +15,14 @@ use crate::error::Result;
 use crate::fields::Lumen;
 use crate::progress::Progress;
 use crate::render::{Light, Settings};
+use crate::report::page::Page;
+use crate::report::plot::{Plot, Point, Series};
+use crate::report::table::{Table, table};
+use crate::report::{Effort, median};
 use crate::schedule::Plugins;
 use crate::space::PreparedVolume;
 use crate::space::flags::Flags;
 use crate::systems::sense;
-
-use super::page::Page;
-use super::plot::{Plot, Point, Series};
-use super::table::{Table, table};
-use super::{Effort, median};
 
 /// Number of steps between two readings of the clock.
 const CHUNK: usize = 24;
@@ -34,14 +35,14 @@ const VOLUME: usize = 1;
 
 /// The shipped scenes, by their file names.
 const SHIPPED: [(&str, &str); 8] = [
-    ("tentacles", include_str!("../../assets/scenes/tentacles.toml")),
-    ("paper", include_str!("../../assets/scenes/paper.toml")),
-    ("tentacles-for-pouches", include_str!("../../assets/scenes/tentacles-for-pouches.toml")),
-    ("tentacles-without-mines", include_str!("../../assets/scenes/tentacles-without-mines.toml")),
-    ("potential", include_str!("../../assets/scenes/potential.toml")),
-    ("path", include_str!("../../assets/scenes/path.toml")),
-    ("manual", include_str!("../../assets/scenes/manual.toml")),
-    ("render", include_str!("../../assets/scenes/render.toml")),
+    ("tentacles", include_str!("../../../assets/scenes/tentacles.toml")),
+    ("paper", include_str!("../../../assets/scenes/paper.toml")),
+    ("tentacles-for-pouches", include_str!("../../../assets/scenes/tentacles-for-pouches.toml")),
+    ("tentacles-without-mines", include_str!("../../../assets/scenes/tentacles-without-mines.toml")),
+    ("potential", include_str!("../../../assets/scenes/potential.toml")),
+    ("path", include_str!("../../../assets/scenes/path.toml")),
+    ("manual", include_str!("../../../assets/scenes/manual.toml")),
+    ("render", include_str!("../../../assets/scenes/render.toml")),
 ];
 
 /// Removes a part from a scene that has everything.
@@ -144,7 +145,8 @@ pub fn report(
     }
     let costs: Vec<Cost> = running.iter().map(Running::cost).collect();
     let built = [("homogeneous-region flags", flags.bytes(), flags_s), ("lumen (runs)", lumen.bytes(), lumen_s)];
-    write(&costs, &built, volume.voxels().bytes(), pixels, folder)
+    let threads = |page: &mut Page| threads::section(volume, effort, page, progress);
+    write(&costs, &built, volume.voxels().bytes(), pixels, threads, folder)
 }
 
 impl Running {
@@ -227,6 +229,7 @@ fn write(
     built: &[(&str, usize, f64)],
     volume: usize,
     pixels: usize,
+    threads: impl FnOnce(&mut Page) -> Result<String>,
     folder: &Path,
 ) -> Result<Vec<String>> {
     let (lights, scenes): (Vec<&Cost>, Vec<&Cost>) = costs.iter().partition(|c| c.name.starts_with("light "));
@@ -292,6 +295,9 @@ fn write(
         "time / s" => (s, 4),
     );
     page.table("built", &table)?;
+    let finding = threads(&mut page)?;
+    page.finding(&finding);
+    findings.push(finding);
     page.finish()?;
     Ok(findings)
 }
