@@ -123,11 +123,12 @@ impl Lesion {
         let base = Base::of(wall, &cap.vertices, scratch)?;
         let shape = fitted(wall, &head)?;
         let all: Vec<DVec3> = cap.vertices.iter().map(|&v| wall.place(v).as_dvec3()).collect();
-        let extent = farthest(&all).map_or(0.0, |f| f.0);
+        let own = farthest(&all);
+        let extent = own.map_or(0.0, |f| f.0);
         let overlap = overlap(wall, cap, &shape);
         let found = widest(&shape, &base, lowest(wall, cap, base.axis) - EMERGES_MM)?;
         // Features are those of the surface; what is told of the lesion is that of its tissue.
-        let (surface_mm, surface_ends) = match (wall.is_over_bowel(), farthest(&all)) {
+        let (surface_mm, surface_ends) = match (wall.is_over_bowel(), own) {
             // An ellipsoid says nothing of a plaque that follows a concave wall.
             (true, Some(own)) => stretched(own, PLAQUE),
             _ => bounded(found, extent, overlap),
@@ -312,13 +313,21 @@ fn moments(wall: &Wall, cap: &Cap, axis: DVec3) -> (f64, f64) {
 /// Returns the largest distance between two points, mm, and the points.
 fn farthest(points: &[DVec3]) -> Option<(f64, [DVec3; 2])> {
     let mut best: Option<(f64, [DVec3; 2])> = None;
+    let first = *points.first()?;
     for direction in directions(DIRECTIONS / 2) {
-        let along = |p: &DVec3| p.dot(direction);
-        let least = points.iter().copied().min_by(|a, b| along(a).total_cmp(&along(b)))?;
-        let most = points.iter().copied().max_by(|a, b| along(a).total_cmp(&along(b)))?;
-        let mm = least.distance(most);
+        let (mut least, mut most) = ((f64::INFINITY, first), (f64::NEG_INFINITY, first));
+        for &p in points {
+            let along = p.dot(direction);
+            if along < least.0 {
+                least = (along, p);
+            }
+            if along >= most.0 {
+                most = (along, p);
+            }
+        }
+        let mm = least.1.distance(most.1);
         if best.is_none_or(|b| mm > b.0) {
-            best = Some((mm, [least, most]));
+            best = Some((mm, [least.1, most.1]));
         }
     }
     best
