@@ -5,9 +5,8 @@
 //! plaque is one bump, and [`BOWEL_MM`], at which it hardly counts. For the second, the vertices of a cell of [`CELL_MM`] that face the
 //! same way become one, so that it costs little.
 
-use std::collections::BTreeMap;
-
 use glam::Vec3;
+use rayon::prelude::*;
 
 use super::Wall;
 use crate::error::Result;
@@ -34,31 +33,33 @@ fn cells(wall: &Wall) -> (Wall, Vec<u32>) {
         let normal = wall.normal(v);
         let facing = normal.abs().max_position();
         let cell = (wall.place(v) / CELL_MM).floor().as_ivec3();
-        (cell.to_array(), facing, normal[facing] > 0.0)
+        (cell.to_array(), facing as u8, normal[facing] > 0.0)
     };
-    let mut numbers = BTreeMap::new();
-    let cells: Vec<u32> = (0..wall.len() as u32)
-        .map(|v| {
-            let next = numbers.len() as u32;
-            *numbers.entry(key(v)).or_insert(next)
-        })
-        .collect();
-    let count = numbers.len();
-    let (mut places, mut normals, mut areas) = (vec![Vec3::ZERO; count], vec![Vec3::ZERO; count], vec![0f32; count]);
-    let mut pairs = Vec::new();
-    for v in 0..wall.len() as u32 {
-        let own = cells[v as usize];
-        places[own as usize] += wall.place(v) * wall.area(v);
-        normals[own as usize] += wall.normal(v) * wall.area(v);
-        areas[own as usize] += wall.area(v);
-        pairs.extend(wall.beside(v).iter().map(|&n| (own, cells[n as usize])).filter(|p| p.0 != p.1));
+    let vertices = 0..wall.len() as u32;
+    let mut sorted: Vec<_> = vertices.clone().into_par_iter().map(|v| (key(v), v)).collect();
+    sorted.par_sort_unstable();
+    // Numbered by their first vertex.
+    let mut groups: Vec<_> = sorted.chunk_by(|a, b| a.0 == b.0).collect();
+    groups.par_sort_unstable_by_key(|group| group[0].1);
+    let mut cells = vec![0; wall.len()];
+    for (n, group) in groups.iter().enumerate() {
+        group.iter().for_each(|(_, v)| cells[*v as usize] = n as u32);
     }
-    for (n, area) in areas.iter().enumerate() {
-        let by = if *area > 0.0 { 1.0 / area } else { 0.0 };
-        places[n] *= by;
-        normals[n] *= by;
-    }
-    pairs.sort_unstable();
+    let mean = |group: &&[(_, u32)]| {
+        let (mut place, mut normal, mut area) = (Vec3::ZERO, Vec3::ZERO, 0f32);
+        for &(_, v) in *group {
+            place += wall.place(v) * wall.area(v);
+            normal += wall.normal(v) * wall.area(v);
+            area += wall.area(v);
+        }
+        let by = if area > 0.0 { 1.0 / area } else { 0.0 };
+        ((place * by, normal * by), area)
+    };
+    let ((places, normals), areas): ((Vec<_>, Vec<_>), Vec<_>) = groups.par_iter().map(mean).unzip();
+    let cells_of = &cells;
+    let beside = |v: u32| wall.beside(v).iter().map(move |&n| (cells_of[v as usize], cells_of[n as usize]));
+    let mut pairs: Vec<(u32, u32)> = vertices.into_par_iter().flat_map_iter(beside).filter(|p| p.0 != p.1).collect();
+    pairs.par_sort_unstable();
     pairs.dedup();
     (Wall::of_parts(wall.origin(), places, normals, areas, &pairs), cells)
 }
