@@ -15,6 +15,7 @@ mod rays;
 mod refine;
 mod sampling;
 mod subdivided;
+mod wide;
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -89,7 +90,8 @@ pub struct PacketRenderer {
     waves: f32,
     /// A cache for each thread. Its entries depend on the volume alone.
     cells: Arc<[Mutex<Cells>]>,
-    samples: ImageSamples,
+    /// Of wide blocks, and of the picture's.
+    samples: [ImageSamples; 2],
     level: Level,
     /// The shader that takes the headlight's place.
     shader: Option<Arc<dyn Shader>>,
@@ -113,7 +115,7 @@ impl PacketRenderer {
             occupancy,
             waves: blur::waves(volume.voxels(), volume.transfer()),
             cells,
-            samples: ImageSamples::default(),
+            samples: Default::default(),
             level,
             shader: settings.shader.own(),
             direct: Direct::new(volume, settings),
@@ -129,7 +131,7 @@ impl PacketRenderer {
             occupancy: Arc::clone(&self.occupancy),
             waves: self.waves,
             cells: Arc::clone(&self.cells),
-            samples: ImageSamples::default(),
+            samples: Default::default(),
             level: self.level,
             shader: self.shader.clone(),
             direct: Direct::new(&self.volume, settings),
@@ -182,7 +184,7 @@ impl Renderer for PacketRenderer {
 
     /// Returns the bytes that are not shared with renderers made by [`beside`](PacketRenderer::beside).
     fn own_bytes(&self) -> usize {
-        self.samples.bytes()
+        self.samples.iter().map(ImageSamples::bytes).sum()
     }
 
     fn parts(&self) -> Vec<(MemoryPart, usize)> {
@@ -191,7 +193,7 @@ impl Renderer for PacketRenderer {
             (MemoryPart::Flags, self.volume.bytes()),
             (MemoryPart::Occupancy, self.occupancy.bytes()),
             (MemoryPart::GradientCache, cells.sum()),
-            (MemoryPart::SampledRays, self.samples.bytes()),
+            (MemoryPart::SampledRays, self.samples.iter().map(ImageSamples::bytes).sum()),
         ]
     }
 }

@@ -11,6 +11,7 @@ use super::paint::Canvas;
 use super::rays::{Rays, SIDE};
 use super::refine::Band;
 use super::sampling::{BLOCK, ImageSamples, LANES};
+use super::wide::{self, WIDE};
 use crate::render::renderer::SQUARE;
 use crate::render::{Shader, View, Work};
 
@@ -18,9 +19,6 @@ use crate::render::{Shader, View, Work};
 const ROWS: usize = 2;
 /// Side of the tiles in which squares are cast, pixels.
 const TILE: usize = SIDE * BLOCK;
-
-/// This many packets in a row leap together over the empty space near the camera.
-const TOGETHER: usize = 4;
 
 /// Runs `$part` on the available SIMD level: AVX-512, AVX2 or NEON, otherwise the baseline of the architecture. More
 /// levels would take long to compile, for processors that are rare.
@@ -119,7 +117,7 @@ pub(crate) fn squares_of(
 /// Casts a ray for every pixel if it is unknown how far apart neighbouring rays are, or how a shader colours what lies
 /// between them: it is not [smooth](crate::render::Shader::is_smooth).
 pub(crate) fn needed(
-    samples: &mut ImageSamples,
+    [wide, samples]: &mut [ImageSamples; 2],
     rays: &Rays<'_>,
     view: &View,
     pixels: &mut [[u8; 3]],
@@ -130,37 +128,30 @@ pub(crate) fn needed(
         return pixels_of(rays, view, pixels, cells, level);
     };
     let width = view.width();
-    samples.resize([width, view.height()], rays.shader.is_some());
+    let own_colours = rays.shader.is_some();
+    wide.resize([width, view.height()], WIDE, own_colours);
+    samples.resize([width, view.height()], BLOCK, own_colours);
+    let blocks = [width, view.height()].map(|s| s.div_ceil(BLOCK));
+    let far = wide.rows().enumerate().with_max_len(1).map(|(n, mut rows)| {
+        with_cells(cells, |cells| {
+            let mut work = Work::default();
+            on_level!(level, simd => work = wide::cast(simd, rays, cells, &mut rows, n, blocks));
+            work
+        })
+    });
+    let far = far.reduce(Work::default, |a, b| a + b);
+    let wide = (&*wide, turn * WIDE as f32);
     let first = samples.rows().enumerate().with_max_len(1).map(|(n, mut rows)| {
         with_cells(cells, |cells| {
             let mut work = Work::default();
-            on_level!(level, simd => {
-                let mut near = 0.0;
-                for packet in 0..rows.packets() {
-                    let [x, y] = [packet * SIDE * BLOCK, n * SIDE * BLOCK];
-                    // The rays through the middles of blocks' sides are up to half a pixel farther out.
-                    let area = |packets: usize| [packets * SIDE * BLOCK + 1, SIDE * BLOCK + 1].map(|s| s as f32);
-                    let corner = [x as f32, y as f32];
-                    if packet % TOGETHER == 0 {
-                        near = rays.start(simd, corner, area(TOGETHER), 0.0);
-                    }
-                    let start = rays.start(simd, corner, area(1), near);
-                    let corners = rays.packet(simd, [x, y], BLOCK, start, cells);
-                    let corner_colours = rays.colours(cells).copied();
-                    let centres = rays.packet(simd, [x + BLOCK / 2, y + BLOCK / 2], BLOCK, start, cells);
-                    let shaded = [(&corners, corner_colours.as_ref()), (&centres, rays.colours(cells))];
-                    rows.keep(simd, packet, shaded, rays.step(), start);
-                    let samples = u64::from(corners.samples + centres.samples);
-                    work = work + Work { rays: 2 * (SIDE * SIDE) as u64, samples, ..Work::default() };
-                }
-            });
+            on_level!(level, simd => work = wide::fill(simd, rays, cells, wide, &mut rows, n, blocks));
             work
         })
     });
     let first = first.reduce(Work::default, |a, b| a + b);
     let samples = &*samples;
     let side = turn * BLOCK as f32;
-    let blocks = width.div_ceil(BLOCK);
+    let blocks = blocks[0];
     let bands = pixels.par_chunks_mut(width * BLOCK * ROWS).enumerate().with_max_len(1).map(|(n, band)| {
         with_cells(cells, |cells| {
             let mut work = Work::default();
@@ -187,5 +178,5 @@ pub(crate) fn needed(
             work
         })
     });
-    first + bands.reduce(Work::default, |a, b| a + b)
+    far + first + bands.reduce(Work::default, |a, b| a + b)
 }

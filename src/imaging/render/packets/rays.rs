@@ -144,6 +144,33 @@ pub(crate) struct PacketResult {
     pub samples: u32,
 }
 
+/// Returns the first halves of two packets, and the second halves.
+#[inline(always)]
+pub(super) fn paired([a, b]: [&[f32; 16]; 2]) -> [[f32; 16]; 2] {
+    [0, 8].map(|from| std::array::from_fn(|n| if n < 8 { a[from + n] } else { b[from + n - 8] }))
+}
+
+impl PacketResult {
+    /// Returns the rays in the first halves of two packets, and those in the second halves. The first counts all samples.
+    #[inline(always)]
+    pub(super) fn paired([a, b]: [&Self; 2]) -> [Self; 2] {
+        let mut out = [Self::default(); 2];
+        let mut put = |of: fn(&mut Self) -> &mut [f32; 16], a: &[f32; 16], b: &[f32; 16]| {
+            let [first, second] = paired([a, b]);
+            (*of(&mut out[0]), *of(&mut out[1])) = (first, second);
+        };
+        put(|p| &mut p.bright, &a.bright, &b.bright);
+        put(|p| &mut p.tone, &a.tone, &b.tone);
+        put(|p| &mut p.through, &a.through, &b.through);
+        put(|p| &mut p.depth, &a.depth, &b.depth);
+        put(|p| &mut p.layers, &a.layers, &b.layers);
+        put(|p| &mut p.front[0], &a.front[0], &b.front[0]);
+        put(|p| &mut p.front[1], &a.front[1], &b.front[1]);
+        out[0].samples = a.samples + b.samples;
+        out
+    }
+}
+
 /// True if something of the wall is within about [`NEAR`] of the camera, which is in `cell`.
 ///
 /// The voxels themselves are read, so that pictures do not depend on what is known to be empty.

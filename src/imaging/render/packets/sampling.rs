@@ -13,6 +13,8 @@
 //! Between the corners values are bilinear, plus a tent over the centre for its difference: blocks meet without a seam. A block
 //! that is nearly smooth is divided into quarters ([`subdivided`](super::subdivided)). Everywhere else each pixel gets its own ray.
 //!
+//! Not all of these rays are cast: where blocks twice as wide are smooth, theirs predict the others ([`wide`](super::wide)).
+//!
 //! A custom shader that calls itself smooth ([`Shader::is_smooth`](crate::render::Shader::is_smooth)) has its colours
 //! interpolated in the same way. Each of its channels must then meet the conditions for brightness, too, in addition to
 //! all others: the headlight's brightness still shows how the wall turns between the rays.
@@ -22,6 +24,7 @@ use rayon::prelude::*;
 
 use super::cells::Colours;
 use super::rays::{PacketResult, SIDE};
+use super::wide::predicted;
 
 /// Side of a block, pixels.
 pub(crate) const BLOCK: usize = 4;
@@ -147,11 +150,11 @@ pub(crate) struct Rows<'a> {
 }
 
 impl ImageSamples {
-    /// Makes room for a picture, with or without the colours of a custom shader.
-    pub(crate) fn resize(&mut self, [width, height]: [usize; 2], own_colours: bool) {
+    /// Makes room for a picture with blocks of the side `block`, with or without the colours of a custom shader.
+    pub(crate) fn resize(&mut self, [width, height]: [usize; 2], block: usize, own_colours: bool) {
         let fields = if own_colours { FIELDS + size_of::<Rgb>() / size_of::<f32>() } else { FIELDS };
-        self.stride = (width.div_ceil(BLOCK) + 1).next_multiple_of(SIDE);
-        let rows = (height.div_ceil(BLOCK) + 1).next_multiple_of(SIDE);
+        self.stride = (width.div_ceil(block) + 1).next_multiple_of(SIDE);
+        let rows = (height.div_ceil(block) + 1).next_multiple_of(SIDE);
         for points in [&mut self.corners, &mut self.centres] {
             // Verdicts beyond the last block are ignored.
             points.values.resize(fields * self.stride * rows + LANES + 1, 0.0);
@@ -254,6 +257,50 @@ impl ImageSamples {
         Verdict { smooth: smooth.to_bitmask() as u16, subdivided: subdivided.to_bitmask() as u16 }
     }
 
+    /// Writes the corners of sixteen blocks in a row from (`x`, `y`) on into the row `to` of blocks of half the side, and what
+    /// else the blocks predict there and in the next row, if they exist.
+    #[inline(never)]
+    pub(crate) fn predict<S: Simd>(&self, simd: S, at: [usize; 2], exists: bool, rows: &mut Rows<'_>, to: usize) {
+        simd.vectorize(
+            #[inline(always)]
+            || self.predict_lanes(simd, at, exists, rows, to),
+        );
+    }
+
+    #[inline(always)]
+    fn predict_lanes<S: Simd>(&self, simd: S, [x, y]: [usize; 2], exists: bool, rows: &mut Rows<'_>, to: usize) {
+        for field in 0..self.corners.fields {
+            let load = |points: &Points, x: usize, y: usize| {
+                let at = (points.fields * y + field) * self.stride + x;
+                f32x16::from_slice(simd, &points.values[at..at + LANES])
+            };
+            let a = load(&self.corners, x, y);
+            if !exists {
+                rows.spread(false, [to, field], x, &a.to_array(), None);
+                continue;
+            }
+            let [b, c, d] = [[1, 0], [0, 1], [1, 1]].map(|[u, v]| load(&self.corners, x + u, y + v));
+            let e = load(&self.centres, x, y);
+            // Without a block there, what is predicted is not used.
+            let up = y.saturating_sub(1);
+            let above = [load(&self.centres, x, up), load(&self.corners, x, up), load(&self.corners, x + 1, up)];
+            let shifted = |points: &Points, y: usize, own: f32x16<S>| match x {
+                0 => {
+                    let own = own.to_array();
+                    let lanes: [f32; 16] = std::array::from_fn(|n| own[n.saturating_sub(1)]);
+                    lanes.simd_into(simd)
+                }
+                _ => load(points, x - 1, y),
+            };
+            let left = [shifted(&self.centres, y, e), shifted(&self.corners, y, a), shifted(&self.corners, y + 1, c)];
+            let [top, side, q0, q1, q2, q3] = predicted([a, b, c, d, e], above, left).map(|v| v.to_array());
+            rows.spread(false, [to, field], x, &a.to_array(), Some(&top));
+            rows.spread(false, [to + 1, field], x, &side, Some(&e.to_array()));
+            rows.spread(true, [to, field], x, &q0, Some(&q1));
+            rows.spread(true, [to + 1, field], x, &q2, Some(&q3));
+        }
+    }
+
     /// Returns the memory taken, bytes.
     pub(crate) fn bytes(&self) -> usize {
         size_of::<f32>() * (self.corners.values.len() + self.centres.values.len() + self.starts.len())
@@ -307,6 +354,54 @@ impl<S: Simd> Five<S> {
 }
 
 impl Rows<'_> {
+    /// Writes values of blocks twice as wide, from the `x`th of these on, into the even and the odd places of a row and field of the
+    /// corners or the centres.
+    #[inline(always)]
+    fn spread(&mut self, centres: bool, [row, field]: [usize; 2], x: usize, even: &[f32; 16], odd: Option<&[f32; 16]>) {
+        let points = if centres { &mut *self.centres } else { &mut *self.corners };
+        let from = self.stride * (self.fields * row + field);
+        let Some(out) = points.get_mut(from + 2 * x..from + self.stride) else { return };
+        let odd = odd.unwrap_or(even);
+        for ((two, even), odd) in out.chunks_exact_mut(2).zip(even).zip(odd) {
+            (two[0], two[1]) = (*even, *odd);
+        }
+    }
+
+    /// Stores rays of a packet, the first of them at the given places of these rows: column and row of a corner, or of a centre if so.
+    #[inline(never)]
+    pub(crate) fn put<S: Simd>(
+        &mut self,
+        simd: S,
+        (light, own): Shaded<'_>,
+        places: impl Iterator<Item = ([usize; 2], bool)>,
+        step: f32,
+    ) {
+        let [near, front] = simd.vectorize(
+            #[inline(always)]
+            || nearness(simd, light, step),
+        );
+        for (n, ([x, row], is_centre)) in places.enumerate() {
+            let points = if is_centre { &mut *self.centres } else { &mut *self.corners };
+            let own = own.into_iter().flatten();
+            let fields = [&near, &front, &light.bright, &light.tone].into_iter().chain(own);
+            for (field, values) in fields.take(self.fields).enumerate() {
+                points[self.stride * (self.fields * row + field) + x] = values[n];
+            }
+        }
+    }
+
+    /// Returns the number of steps for which no ray of a packet meets anything.
+    #[inline(always)]
+    pub(crate) fn start(&self, packet: usize) -> f32 {
+        self.starts[packet]
+    }
+
+    /// Sets it.
+    #[inline(always)]
+    pub(crate) fn set_start(&mut self, packet: usize, start: f32) {
+        self.starts[packet] = start;
+    }
+
     /// Returns the number of packets in the rows.
     pub(crate) fn packets(&self) -> usize {
         self.starts.len()
@@ -419,7 +514,7 @@ mod tests {
     /// The samples of a picture of `size`; `of` returns the result of a ray at a position in pixels.
     fn samples_of(size: [usize; 2], of: impl Fn(f32, f32) -> Point + Sync) -> ImageSamples {
         let mut samples = ImageSamples::default();
-        samples.resize(size, false);
+        samples.resize(size, BLOCK, false);
         samples.rows().enumerate().for_each(|(y, mut rows)| {
             for x in 0..rows.packets() {
                 let packet = |shift: usize| {
@@ -486,7 +581,7 @@ mod tests {
     /// The samples of a picture in which nothing but the colours changes; `of` returns those of a ray.
     fn coloured(of: impl Fn(f32, f32) -> Rgb) -> ImageSamples {
         let mut samples = ImageSamples::default();
-        samples.resize(SIZE, true);
+        samples.resize(SIZE, BLOCK, true);
         let rows: Vec<_> = samples.rows().collect();
         for (y, mut rows) in rows.into_iter().enumerate() {
             for x in 0..rows.packets() {
