@@ -51,6 +51,8 @@ pub struct Scan {
     without_tag: Option<WithoutTag>,
     /// What was cleansed in this scan itself.
     cleansed: Option<Arc<Cleansed>>,
+    /// True if the measure along the colon is computed before the scan is cleansed.
+    measures_along: bool,
     timings: Timings,
     notes: Vec<String>,
     progress: Arc<Progress>,
@@ -78,6 +80,9 @@ pub struct OpenOptions {
     pub preset: Preset,
     /// Cleanses it, as [`Scan::cleanse`] does.
     pub cleanse: bool,
+    /// Computes the measure along the colon ([`Lumen::along`](crate::fields::Lumen::along)) before the scan is cleansed, if it is. Set it
+    /// if the measure will be needed: once the scan is cleansed, the measure takes a second copy of the volume with the values as scanned.
+    pub measure_along: bool,
     /// Receives the progress, and can interrupt the work.
     pub progress: Arc<Progress>,
 }
@@ -143,6 +148,7 @@ impl Scan {
             former: None,
             without_tag: None,
             cleansed: None,
+            measures_along: false,
             timings,
             notes: Vec::new(),
             progress,
@@ -154,6 +160,7 @@ impl Scan {
         let volume = options.preset.preparation.prepare(Arc::new(volume), options.transfer);
         timings.add("flags_s", begun.elapsed().as_secs_f64());
         let mut scan = Self::ready(volume, timings, Arc::clone(&options.progress));
+        scan.measures_along = options.measure_along;
         if options.cleanse {
             let taken = scan.cleanse()?;
             scan.notes.push(taken.to_string());
@@ -253,6 +260,13 @@ impl Scan {
         if cleansed.changes.is_empty() {
             return Ok(Arc::clone(self.cleansed.insert(Arc::new(cleansed))));
         }
+        if self.measures_along {
+            let measured = self.timings.time("along_s", || found.along(self.volume.voxels(), &self.progress));
+            // Another failure is that of whoever asks for the measure.
+            if measured.is_err() {
+                self.progress.check()?;
+            }
+        }
         self.change(&mut cleansed);
         let mut lumen = match self.lumen_without_tag(&found) {
             Ok(lumen) => lumen,
@@ -293,6 +307,7 @@ impl Scan {
             let mut other = Self::ready(self.volume.clone(), Timings::default(), Arc::clone(&self.progress));
             other.lumen = Some(Arc::clone(&found));
             other.told.clone_from(&self.told);
+            other.measures_along = self.measures_along;
             let cleansed = other.cleanse_with(cleanse::to_fly)?;
             let lumen = other.lumen()?;
             other.timings.parts().iter().for_each(|&(name, seconds)| self.timings.add(name, seconds));
@@ -523,6 +538,23 @@ mod tests {
         // Kinds that are given afterwards change it as they do in the scan with its tag.
         scan.tell(told);
         assert_eq!(along(&mut scan).0.length_mm(), told_before.length_mm());
+    }
+
+    #[test]
+    fn the_measure_along_the_colon_may_come_before_the_cleansing() {
+        let progress = Progress::new();
+        let settings = PhantomSettings { fluid: true, ..PhantomSettings::embedded(1) };
+        let along = |measure_along: bool| {
+            let options = OpenOptions { cleanse: true, measure_along, ..OpenOptions::default() };
+            let mut scan = Scan::of(shared(&settings).1, &options).unwrap();
+            let is_measured = scan.timings().parts().iter().any(|p| p.0 == "along_s");
+            assert_eq!(is_measured, measure_along);
+            let lumen = scan.lumen().unwrap();
+            let along = lumen.along(scan.volume().voxels(), &progress).unwrap();
+            let places: Vec<_> = lumen.segments.iter().flat_map(|s| s.way.clone()).collect();
+            (along.length_mm(), places.iter().map(|&p| along.of(p)).collect::<Vec<_>>())
+        };
+        assert_eq!(along(true), along(false));
     }
 
     #[test]

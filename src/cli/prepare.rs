@@ -101,7 +101,21 @@ pub(crate) fn camera(program: &Program, global: &Global, scene: CameraModel) -> 
 /// Opens the input, or the embedded phantom if there is none, ready to render, and prints notes about it. Fails with status 2 for
 /// invalid options, 3 if it cannot be read, 4 if interrupted.
 pub(crate) fn open(input: Option<&Path>, global: &Global, preset: Preset, progress: &Arc<Progress>) -> Result<Scan> {
-    let mut scan = open_unsaid(input, global, preset, progress)?;
+    open_by(input, global, &options(global, preset, progress)?)
+}
+
+/// Like [`open`], for a command that needs the measure along the colon as scanned.
+pub(crate) fn open_measured(
+    input: Option<&Path>,
+    global: &Global,
+    preset: Preset,
+    progress: &Arc<Progress>,
+) -> Result<Scan> {
+    open_by(input, global, &OpenOptions { measure_along: true, ..options(global, preset, progress)? })
+}
+
+fn open_by(input: Option<&Path>, global: &Global, options: &OpenOptions) -> Result<Scan> {
+    let mut scan = opened(input, global, options)?;
     scan.take_notes().iter().for_each(|note| say(note));
     Ok(scan)
 }
@@ -113,18 +127,26 @@ pub(crate) fn open_unsaid(
     preset: Preset,
     progress: &Arc<Progress>,
 ) -> Result<Scan> {
-    let options = OpenOptions {
+    opened(input, global, &options(global, preset, progress)?)
+}
+
+fn options(global: &Global, preset: Preset, progress: &Arc<Progress>) -> Result<OpenOptions> {
+    Ok(OpenOptions {
         load: checked_options(global)?,
         transfer: transfer(global)?,
         preset,
         cleanse: global.cleanse,
+        measure_along: false,
         progress: Arc::clone(progress),
-    };
+    })
+}
+
+fn opened(input: Option<&Path>, global: &Global, options: &OpenOptions) -> Result<Scan> {
     let Some(path) = input else {
         report_unread(global);
-        return Scan::phantom_with(global.seed.unwrap_or(1), &options);
+        return Scan::phantom_with(global.seed.unwrap_or(1), options);
     };
-    Scan::open_with(path, &options)
+    Scan::open_with(path, options)
 }
 
 /// Reads the input without preparing it, cleanses it if requested, and prints notes about it. Fails as [`open`] does, and with

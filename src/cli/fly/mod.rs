@@ -227,7 +227,12 @@ fn image_settings(
 
 /// Opens the scan for a scene. Fails with status 2 for invalid options, 3 if it cannot be read, 4 if interrupted.
 pub(crate) fn open(args: &FlyArgs, global: &Global, scene: &Scene, progress: &Arc<Progress>) -> Result<Scan> {
-    prepare::open(args.input.as_deref(), global, scene.image.preset, progress)
+    let preset = scene.image.preset;
+    // Missed patches are reported with their distances along the colon.
+    if args.coverage || args.coverage_mesh.is_some() || args.review {
+        return prepare::open_measured(args.input.as_deref(), global, preset, progress);
+    }
+    prepare::open(args.input.as_deref(), global, preset, progress)
 }
 
 /// Prepares the flight through a scan and prints notes.
