@@ -88,14 +88,14 @@ impl Covering {
         };
         live.set_fov(scene.image.fov_degrees);
         let survey = flight.survey().as_flown(&live);
-        self.first(flight, survey, Some(live.clone())).map(|seen| seen.stats)
+        self.first(flight, survey, Some(&live)).map(|seen| seen.stats)
     }
 
     /// Evaluates the coverage when the flight or a tour has ended, and starts the next tour. Returns its time limit, s; `None` if
     /// the review is over.
     pub(super) fn onward(&self, flight: &mut FlightApp, seen: &mut Option<Seen>) -> Result<Option<f64>> {
         let Some(seen) = seen else {
-            let first = self.first(flight, flight.survey(), flight.camera::<LiveCoverage>().cloned())?;
+            let first = self.first(flight, flight.survey(), flight.camera::<LiveCoverage>())?;
             let is_over = first.is_over;
             let seen = seen.insert(first);
             return if is_over { Ok(None) } else { set_out(flight, seen) };
@@ -108,14 +108,15 @@ impl Covering {
     }
 
     /// Evaluates what the flight has seen, continuing from its live coverage.
-    fn first(&self, flight: &FlightApp, survey: Survey<'_>, live: Option<LiveCoverage>) -> Result<Seen> {
+    fn first(&self, flight: &FlightApp, survey: Survey<'_>, live: Option<&LiveCoverage>) -> Result<Seen> {
         let covered = survey.coverage(self.fov_degrees, self.mesh.is_some())?;
         let mut wall = Map::new();
         let both = covered.as_ref().map(|c| c.coverage);
         wall.insert("coverage".to_owned(), json!(both.map(|c| c.one_way)));
         wall.insert("coverage_both_ways".to_owned(), json!(both.map(|c| c.both_ways)));
-        if let Some(mut live) = live {
-            // Include the last views, which are still queued.
+        if let Some(live) = live {
+            // Include the last views, which are still queued. The flight's own coverage stays as it is.
+            let mut live = live.clone();
             let views = survey.trail().map_or(&[][..], Trail::views);
             live.catch_up(&flight.setup().volume, views, flight.clock().seconds());
             wall.insert("coverage_live".to_owned(), json!(live.share()));

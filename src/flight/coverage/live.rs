@@ -138,10 +138,13 @@ impl LiveCoverage {
     /// Begins with nothing seen of a wall of some gas.
     fn new(wall: Arc<Wall>, gas: Arc<Lumen>, along: CoarseAlong) -> Result<Self> {
         let patches = wall.patch_count();
-        let middle = |p: usize| wall.patches[p].middle as usize;
-        let middles = (0..patches).map(|p| [wall.centroids[middle(p)], wall.normals[middle(p)]]).collect();
-        let mm2: Vec<f32> = (0..patches).map(|p| wall.areas[wall.triangles_of(p)].iter().sum()).collect();
-        let segment = |p: usize| gas.segment_at(wall.centroid(middle(p)) + wall.normal(middle(p)) * INTO_GAS_MM);
+        let middles = (0..patches).map(|p| wall.middle(p)).map(|face| [face.centroid, face.normal]);
+        let middles: Vec<[Vec3; 2]> = middles.collect();
+        let mm2: Vec<f32> = (0..patches).map(|p| wall.triangles_of(p).map(|n| wall.face(n).mm2).sum()).collect();
+        let segment = |p: usize| {
+            let [centroid, normal] = middles[p];
+            gas.segment_at(wall.origin + centroid.as_dvec3() + normal.as_dvec3() * INTO_GAS_MM)
+        };
         // The gas before a few patches is too thin: they count with those before them.
         let mut last = 0;
         let segments: Vec<u16> = (0..patches)
@@ -361,7 +364,7 @@ impl LiveCoverage {
                 }
                 *work = work.saturating_sub(RAY);
                 now.tried = true;
-                if line.is_free(wall.patches[p].middle as usize, &now.eye, &mut now.blocked) {
+                if line.is_free(centroid, &now.eye, &mut now.blocked) {
                     now.free = true;
                     self.seen_s[p] = if self.is_passed(b) { now.seconds } else { f32::NEG_INFINITY };
                     self.left[b] -= 1;
@@ -447,11 +450,16 @@ impl LiveCoverage {
     pub fn share_of(&self, triangles: &[u32]) -> f64 {
         let mm2 = |of: &dyn Fn(usize) -> bool| -> f64 {
             let of = triangles.iter().map(|&t| t as usize).filter(|&t| t < self.wall.len() && of(t));
-            of.map(|t| f64::from(self.wall.areas[t])).sum()
+            of.map(|t| self.wall.mm2_at(t)).sum()
         };
         let all = mm2(&|_| true);
         let patch = |t: usize| self.wall.patches.partition_point(|p| p.first as usize <= t) - 1;
         if all > 0.0 { mm2(&|t| self.seen_s[patch(t)] < f32::INFINITY) / all } else { 0.0 }
+    }
+
+    /// Returns centroid (mm from the wall's origin) and normal of a patch's middle.
+    pub(super) fn middle(&self, patch: usize) -> [Vec3; 2] {
+        self.middles[patch]
     }
 
     /// Returns the middle of each patch, world mm.

@@ -95,7 +95,7 @@ pub fn missed<'a>(
     let mut found: Vec<Missed> = patches(wall, is_seen)
         .into_par_iter()
         .filter_map(|triangles| {
-            let mm2 = |n: &u32| f64::from(wall.areas[*n as usize]);
+            let mm2 = |n: &u32| wall.mm2_at(*n as usize);
             let area_mm2: f64 = triangles.iter().map(mm2).sum();
             if area_mm2 < least_mm2 {
                 return None;
@@ -155,7 +155,7 @@ pub fn look_at<'a>(
     let look = |&place: &DVec3| {
         let about = |n: &u32| wall.centroid(*n as usize).distance_squared(place) <= ABOUT_MM * ABOUT_MM;
         let triangles: Vec<u32> = (0..wall.len() as u32).filter(about).collect();
-        let mm2 = |n: u32| f64::from(wall.areas[n as usize]);
+        let mm2 = |n: u32| wall.mm2_at(n as usize);
         let normal = triangles.iter().map(|&n| wall.normal(n as usize) * mm2(n)).sum::<DVec3>().normalize_or_zero();
         if triangles.is_empty() { None } else { look_from(wall, &triangles, place, normal, &walls, radius_mm) }
     };
@@ -222,7 +222,7 @@ fn look_from(
     let some: Vec<(DVec3, DVec3, f64)> = triangles
         .iter()
         .step_by(every)
-        .map(|&n| (wall.centroid(n as usize), wall.normal(n as usize), f64::from(wall.areas[n as usize])))
+        .map(|&n| (wall.centroid(n as usize), wall.normal(n as usize), wall.mm2_at(n as usize)))
         .collect();
     let flattest = FLATTEST_DEGREES.to_radians().cos();
     let seen = |from: DVec3| -> f64 {

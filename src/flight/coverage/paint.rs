@@ -47,7 +47,7 @@ impl CoveragePaint {
     /// Prepares to find the patches of a wall.
     pub fn new(coverage: &LiveCoverage) -> Self {
         let wall = coverage.wall();
-        let cell = |p: usize| (wall.centroids[wall.patches[p].middle as usize] / CELL_MM).floor().as_ivec3();
+        let cell = |p: usize| (coverage.middle(p)[0] / CELL_MM).floor().as_ivec3();
         let group = |b: usize| cell(wall.blocks[b].first as usize).div_euclid(IVec3::splat(SIDE));
         let blocks = wall.block_count();
         let (mut low, mut high) = (IVec3::MAX, IVec3::MIN);
@@ -85,32 +85,32 @@ impl CoveragePaint {
     }
 
     /// Returns the block of a cell, and its patches.
-    fn patches(&self, wall: &Wall, cell: IVec3) -> (usize, Range<usize>) {
+    fn patches(&self, coverage: &LiveCoverage, cell: IVec3) -> (usize, Range<usize>) {
         let found = self.number(cell.div_euclid(IVec3::splat(SIDE))).map(|n| self.blocks[n]).filter(|b| *b != NONE);
         let Some(block) = found.map(|b| b as usize) else { return (0, 0..0) };
         let first = self.cells[block][within(cell)];
         if first == ABSENT {
             return (0, 0..0);
         }
-        let (all, first) = (wall.patches_of(block), wall.patches_of(block).start + usize::from(first));
-        let here = |p: &usize| (wall.centroids[wall.patches[*p].middle as usize] / CELL_MM).floor().as_ivec3() == cell;
+        let all = coverage.wall().patches_of(block);
+        let first = all.start + usize::from(first);
+        let here = |p: &usize| (coverage.middle(*p)[0] / CELL_MM).floor().as_ivec3() == cell;
         (block, first..(first..all.end).find(|p| !here(p)).unwrap_or(all.end))
     }
 
     /// Returns how much of the wall at a place (mm from the wall's origin) that faces against `forward` is painted, 0 to 1: the
     /// mean of the surrounding patches, weighted by their nearness.
     fn amount(&self, coverage: &LiveCoverage, place: Vec3, forward: Vec3, seconds: f32) -> f32 {
-        let wall = coverage.wall();
         let at = place / CELL_MM - 0.5;
         let (base, part) = (at.floor().as_ivec3(), at - at.floor());
         let (mut sum, mut weights) = (0.0, 0.0);
         for corner in 0..8 {
             let bit = IVec3::new(corner & 1, corner >> 1 & 1, corner >> 2);
             let share = Vec3::select(bit.cmpeq(IVec3::ONE), part, 1.0 - part).element_product();
-            let (block, patches) = self.patches(wall, base + bit);
+            let (block, patches) = self.patches(coverage, base + bit);
             for p in patches {
                 // The other side of a thin fold is another wall.
-                if wall.normals[wall.patches[p].middle as usize].dot(forward) < 0.1 {
+                if coverage.middle(p)[1].dot(forward) < 0.1 {
                     sum += share * coverage.paint(block, p, seconds);
                     weights += share;
                 }

@@ -6,36 +6,23 @@ use super::sight::Sight;
 use super::wall::Wall;
 
 impl Wall {
-    /// Returns the triangles that `which` is true for as a wall of their own, and their numbers in this one, ascending.
+    /// Returns the triangles that `which` is true for as a wall of their own, and their numbers in this one, ascending. If those are
+    /// all, the wall shares the arrays of this one.
     pub fn part(&self, which: impl Fn(usize) -> bool + Sync) -> (Self, Vec<u32>) {
         let numbers: Vec<u32> = (0..self.len() as u32).into_par_iter().filter(|&n| which(n as usize)).collect();
         if numbers.len() == self.len() {
             return (self.clone(), numbers);
         }
-        let each = || numbers.par_iter().map(|&n| n as usize);
         let mut number = vec![u32::MAX; self.places.len()];
         numbers.iter().flat_map(|&n| self.triangles[n as usize]).for_each(|v| number[v as usize] = 0);
-        let mut places = Vec::new();
+        let mut places = Vec::with_capacity(number.iter().filter(|&&new| new == 0).count());
         for (old, new) in number.iter_mut().enumerate().filter(|(_, new)| **new == 0) {
             *new = places.len() as u32;
             places.push(self.places[old]);
         }
-        let mut part = Self {
-            origin: self.origin,
-            places,
-            triangles: each().map(|n| self.triangles[n].map(|v| number[v as usize])).collect(),
-            centroids: each().map(|n| self.centroids[n]).collect(),
-            normals: each().map(|n| self.normals[n]).collect(),
-            areas: each().map(|n| self.areas[n]).collect(),
-            ..Self::default()
-        };
-        part.divide();
+        let triangles = numbers.par_iter().map(|&n| self.triangles[n as usize].map(|v| number[v as usize])).collect();
+        let part = Self::of_sorted(self.origin, places, triangles);
         (part, numbers)
-    }
-
-    /// Returns the area of a triangle, mm².
-    pub fn mm2_at(&self, n: usize) -> f64 {
-        f64::from(self.areas[n])
     }
 }
 

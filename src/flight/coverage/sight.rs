@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::wall::{Block, Wall};
+use super::wall::{Block, Face, Wall};
 use crate::dynamics::Attitude;
 use crate::error::Result;
 use crate::output;
@@ -75,7 +75,7 @@ impl Wall {
             blocks.push((block, here));
             rest = after;
         }
-        blocks.into_par_iter().for_each(|(block, sights)| {
+        blocks.into_par_iter().for_each_init(Vec::new, |faces: &mut Vec<Face>, (block, sights)| {
             let Block { low, high, .. } = self.blocks[block];
             let middle = low.midpoint(high);
             let mut near: Vec<&Eye> =
@@ -86,6 +86,9 @@ impl Wall {
                 near.iter().map(|e| [true, false].map(|ahead| sight.may_see_block(block, e, ahead))).collect();
             let mut blocked = vec![f64::INFINITY; near.len()];
             let first = self.patches[self.blocks[block].first as usize].first as usize;
+            // Each is tested from many views.
+            faces.clear();
+            faces.extend((first..first + sights.len()).map(|n| self.face(n)));
             // The view that saw the last patch probably sees the next one, too.
             let mut hints = [0; 2];
             let mut left = Vec::new();
@@ -93,7 +96,7 @@ impl Wall {
                 let these = self.triangles_of(patch);
                 if count {
                     for n in these.clone() {
-                        let sees = |(e, b): (&&Eye, &mut f64)| sight.is_seen(n, e, true, b);
+                        let sees = |(e, b): (&&Eye, &mut f64)| sight.is_seen(&faces[n - first], e, true, b);
                         let all = near.iter().zip(&mut blocked).map(sees).filter(|seen| *seen).count();
                         sights[n - first].ahead = all.min(usize::from(u16::MAX)) as u16;
                     }
@@ -120,7 +123,7 @@ impl Wall {
                             continue;
                         }
                         let (eye, blocked) = (near[e], &mut blocked[e]);
-                        let mut sees = |n: usize| sight.is_seen(n, eye, ahead, blocked);
+                        let mut sees = |n: usize| sight.is_seen(&faces[n - first], eye, ahead, blocked);
                         let every = left.len().div_ceil(PROBES);
                         turn = if turn + 1 < every { turn + 1 } else { 0 };
                         if left.len() < whole || (turn..left.len()).step_by(every).any(|n| sees(left[n])) {
@@ -219,10 +222,10 @@ impl<'a, C: Camera + ?Sized> Sightline<'a, C> {
         self.camera.project(place).is_some_and(|at| at.abs().max_element() <= 1.0)
     }
 
-    /// True if the line to a triangle crosses no wall. `blocked` is how far from the view the line to the last hidden place was in
+    /// True if the line to a triangle with this centroid (mm from the wall's origin) crosses no wall. `blocked` is how far from the view the line to the last hidden place was in
     /// the wall: there the next line probably is, too, and one value of the volume proves it.
-    pub(super) fn is_free(&self, n: usize, eye: &Eye, blocked: &mut f64) -> bool {
-        let (from, to) = (eye.world, self.wall.centroid(n));
+    pub(super) fn is_free(&self, centroid: Vec3, eye: &Eye, blocked: &mut f64) -> bool {
+        let (from, to) = (eye.world, self.wall.origin + centroid.as_dvec3());
         let way = to - from;
         let length = way.length();
         let d = length - BEFORE * self.voxel;
@@ -239,8 +242,8 @@ impl<'a, C: Camera + ?Sized> Sightline<'a, C> {
         crossing.is_none()
     }
 
-    fn is_seen(&self, n: usize, eye: &Eye, ahead: bool, blocked: &mut f64) -> bool {
-        self.is_in_picture(self.wall.centroids[n], self.wall.normals[n], eye, ahead) && self.is_free(n, eye, blocked)
+    fn is_seen(&self, face: &Face, eye: &Eye, ahead: bool, blocked: &mut f64) -> bool {
+        self.is_in_picture(face.centroid, face.normal, eye, ahead) && self.is_free(face.centroid, eye, blocked)
     }
 }
 

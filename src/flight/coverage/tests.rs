@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, Vec3};
 
 use super::missed::{self, LEAST_MM2, Missed};
 use super::{Coverage, CoveragePaint, LiveCoverage, Sight, Wall, paint_slice};
@@ -61,6 +61,49 @@ fn ringed(p: DVec3) -> f64 {
         let ring = (HOLE - r).max(z - p.z).max(p.z - z - THICK);
         d.max(-ring)
     })
+}
+
+#[test]
+fn patches_and_blocks_are_those_of_their_triangles_on_any_number_of_threads() {
+    let volume = volume([DVec3::new(-12.0, -12.0, -2.0), DVec3::new(12.0, 12.0, LENGTH + 2.0)], 0.3, ringed);
+    let wall = wall(&volume, DVec3::Z * 10.0);
+    assert!(wall.len() > 2 << 16, "{} triangles are measured in one go", wall.len());
+    let mut before = None;
+    for block in 0..wall.block_count() {
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for patch in wall.patches_of(block) {
+            let these = wall.triangles_of(patch);
+            let own = wall.middle(patch).patch();
+            assert!(before < Some(own) && these.contains(&(wall.patches[patch].middle as usize)));
+            for face in these.map(|n| wall.face(n)) {
+                assert_eq!(face.patch(), own);
+                (low, high) = (low.min(face.centroid), high.max(face.centroid));
+            }
+            before = Some(own);
+        }
+        assert_eq!((wall.blocks[block].low, wall.blocks[block].high), (low, high));
+    }
+    let all: f64 = (0..wall.patch_count()).flat_map(|p| wall.triangles_of(p)).map(|n| wall.mm2_at(n)).sum();
+    assert_eq!(all, wall.mm2());
+    let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let again = alone.install(|| self::wall(&volume, DVec3::Z * 10.0));
+    assert_eq!((&again.places, &again.triangles), (&wall.places, &wall.triangles));
+    assert_eq!(format!("{:?}", again.patches), format!("{:?}", wall.patches));
+}
+
+#[test]
+fn a_part_measures_its_triangles_as_the_whole_and_all_of_it_is_no_copy() {
+    let volume = volume([DVec3::splat(-12.0), DVec3::splat(12.0)], 0.8, |p| p.length() - 9.0);
+    let wall = wall(&volume, DVec3::ZERO);
+    let (all, numbers) = wall.part(|_| true);
+    assert!(Arc::ptr_eq(&all.triangles, &wall.triangles) && Arc::ptr_eq(&all.places, &wall.places));
+    assert!(numbers.len() == wall.len() && Arc::ptr_eq(&all.patches, &wall.patches));
+    let (part, numbers) = wall.part(|n| n % 3 == 1);
+    assert!(numbers.iter().all(|n| n % 3 == 1) && part.len() == numbers.len());
+    for (n, &whole) in numbers.iter().enumerate() {
+        assert_eq!(part.face(n), wall.face(whole as usize));
+    }
+    assert!(part.bytes() < wall.bytes() && wall.part(|_| false).0.is_empty());
 }
 
 /// Flying along the axis with a square picture of 90°, a place of the tube is seen from no nearer than `R m` before it, with `m` =
@@ -158,7 +201,7 @@ fn a_pocket_that_was_missed_is_told_with_a_place_to_look_from() {
     let pocket = missed.iter().find(|m| place(m.position)).expect("the pocket's rear is not seen");
     assert!(missed.is_sorted_by(|a, b| a.area_mm2 >= b.area_mm2) && missed.iter().all(|m| m.area_mm2 >= LEAST_MM2));
     assert!(pocket.along.is_some_and(|a| (a.mm - 50.0).abs() < 8.0), "{:?}", pocket.along);
-    let sum: f64 = pocket.triangles.iter().map(|&n| f64::from(wall.areas[n as usize])).sum();
+    let sum: f64 = pocket.triangles.iter().map(|&n| wall.mm2_at(n as usize)).sum();
     assert!((sum - pocket.area_mm2).abs() < 1e-6 && pocket.normal.is_normalized());
     assert!(pocket.triangles.iter().all(|&n| sights[n as usize].ahead == 0));
     // From there, most of it is seen.
@@ -177,7 +220,7 @@ fn a_pocket_that_was_missed_is_told_with_a_place_to_look_from() {
         .copied()
         .filter(|t| numbers.binary_search(t).is_ok_and(|n| shown[n].ahead > 0))
         .collect();
-    let area_mm2 = triangles.iter().map(|&n| f64::from(wall.areas[n as usize])).sum();
+    let area_mm2 = triangles.iter().map(|&n| wall.mm2_at(n as usize)).sum();
     let beside = Missed { area_mm2, triangles, ..pocket.clone() };
     let narrow = Missed { look_from: None, ..pocket.clone() };
     let visited = |patches: &[Missed]| missed::to_visit(patches, &unseen, &numbers, &volume, &camera);
@@ -193,12 +236,8 @@ fn a_pocket_that_was_missed_is_told_with_a_place_to_look_from() {
     let mut more = views;
     more.push((from.position, Attitude::new(from.forward, from.up)));
     let (again, after) = seen(&wall, &volume, &more, false);
-    let left: f64 = pocket
-        .triangles
-        .iter()
-        .filter(|&&n| again[n as usize].ahead == 0)
-        .map(|&n| f64::from(wall.areas[n as usize]))
-        .sum();
+    let left: f64 =
+        pocket.triangles.iter().filter(|&&n| again[n as usize].ahead == 0).map(|&n| wall.mm2_at(n as usize)).sum();
     assert!(left < 0.6 * pocket.area_mm2 && after.one_way > coverage.one_way, "{left} of {} mm² left", pocket.area_mm2);
     // Everything seen: nothing is missed; nothing seen: all of the wall is one patch.
     assert!(missed::missed(&wall, |_| true, 0.0, |_| None, &volume, 1.5).is_empty());

@@ -1,6 +1,7 @@
 //! The wall of the gas that is flown, as triangles.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -17,27 +18,51 @@ pub(super) const CELL_MM: f32 = 2.0;
 /// A block has this many cells on each side, as a power of two.
 const BLOCK_SHIFT: u32 = 2;
 
-/// The wall, a structure of arrays with an entry for each triangle. Triangles are ordered by place, so that neighbours in memory are
-/// neighbours on the wall.
+/// Triangles that are measured at a time while patches are found. All at once would take as much memory as the wall.
+const AT_ONCE: usize = 1 << 16;
+
+/// The wall: triangles over shared vertices. Triangles are ordered by place, so that neighbours in memory are neighbours on the wall.
 ///
 /// Triangles of one cell of 2 mm that face about the same way are a *patch*, and the patches of 4 x 4 x 4 cells a *block*: what can
 /// be said of a patch or a block at once need not be asked of each of its triangles.
+///
+/// Centroids, normals and areas are computed where they are needed: kept, they would be three fifths of the wall. A clone shares the
+/// arrays, so a flight's live coverage and its survey hold one wall.
 #[derive(Clone, Debug, Default)]
 pub struct Wall {
     pub(super) origin: DVec3,
     /// Vertices, mm from the origin, world directions.
-    pub(super) places: Vec<Vec3>,
-    pub(super) triangles: Vec<[u32; 3]>,
-    /// Centroids, mm from the origin.
-    pub(super) centroids: Vec<Vec3>,
-    /// Unit normals into the gas; zero for a triangle without area.
-    pub(super) normals: Vec<Vec3>,
-    /// Areas, mm².
-    pub(super) areas: Vec<f32>,
+    pub(super) places: Arc<Vec<Vec3>>,
+    pub(super) triangles: Arc<Vec<[u32; 3]>>,
     /// The patches, and in the end the one after the last, without triangles.
-    pub(super) patches: Vec<Patch>,
+    pub(super) patches: Arc<Vec<Patch>>,
     /// The blocks, in the same manner.
-    pub(super) blocks: Vec<Block>,
+    pub(super) blocks: Arc<Vec<Block>>,
+}
+
+/// What is measured of a triangle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Face {
+    /// The centroid, mm from the wall's origin.
+    pub centroid: Vec3,
+    /// The unit normal into the gas; zero for a triangle without area.
+    pub normal: Vec3,
+    /// The area, mm².
+    pub mm2: f32,
+}
+
+impl Face {
+    /// Measures a triangle whose vertices are given in the order of its mesh, which points out of the gas.
+    #[inline]
+    fn of([a, b, c]: [Vec3; 3]) -> Self {
+        let across = (b - a).cross(c - a);
+        Self { centroid: (a + b + c) / 3.0, normal: -across.normalize_or_zero(), mm2: 0.5 * across.length() }
+    }
+
+    /// Returns the cell and the side of it that the triangle belongs to, which make its patch.
+    pub(super) fn patch(&self) -> (u64, u8) {
+        (interleave((self.centroid / CELL_MM).floor().as_ivec3().to_array()), side(self.normal))
+    }
 }
 
 /// Triangles of a cell that face about the same way.
@@ -71,62 +96,73 @@ impl Wall {
 
     /// Takes the triangles of a mesh, whose normals point out of the gas.
     pub fn of_mesh(mesh: LumenMesh) -> Self {
-        let (origin, places, mut triangles) = mesh.into_parts();
-        let measures = |t: &[u32; 3]| {
-            let [a, b, c] = t.map(|v| places[v as usize]);
-            let across = (b - a).cross(c - a);
-            ((a + b + c) / 3.0, -across.normalize_or_zero(), 0.5 * across.length())
+        let (origin, places, triangles) = mesh.into_parts();
+        let key = |(n, t): (usize, &[u32; 3])| {
+            let (cell, side) = Face::of(t.map(|v| places[v as usize])).patch();
+            (cell, side, n as u32)
         };
-        let key = |t: &[u32; 3]| {
-            let (centroid, normal, _) = measures(t);
-            (interleave((centroid / CELL_MM).floor().as_ivec3().to_array()), side(normal), *t)
-        };
-        triangles.par_sort_by_cached_key(key);
-        let (mut centroids, mut normals, mut areas) = (Vec::new(), Vec::new(), Vec::new());
-        for (c, n, a) in triangles.par_iter().map(measures).collect::<Vec<_>>() {
-            centroids.push(c);
-            normals.push(n);
-            areas.push(a);
+        let mut order: Vec<(u64, u8, u32)> = triangles.par_iter().enumerate().map(key).collect();
+        let vertices = |n: u32| triangles[n as usize];
+        order.par_sort_unstable_by(|a, b| (a.0, a.1).cmp(&(b.0, b.1)).then_with(|| vertices(a.2).cmp(&vertices(b.2))));
+        let sorted = order.par_iter().map(|o| vertices(o.2)).collect();
+        drop((order, triangles));
+        Self::of_sorted(origin, places, sorted)
+    }
+
+    /// Takes triangles in their order, and finds the patches and the blocks.
+    pub(super) fn of_sorted(origin: DVec3, places: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Self {
+        let (places, triangles) = (Arc::new(places), Arc::new(triangles));
+        let mut wall = Self { origin, places, triangles, ..Self::default() };
+        let (mut patches, mut blocks): (Vec<Patch>, Vec<Block>) = Default::default();
+        let mut last = None;
+        let (mut faces, mut n) = (Vec::new(), 0);
+        for begin in (0..wall.len()).step_by(AT_ONCE) {
+            let some = begin..(begin + AT_ONCE).min(wall.len());
+            let measured = some.into_par_iter().map(|n| wall.face(n)).map(|face| (face.patch(), face.centroid));
+            measured.collect_into_vec(&mut faces);
+            for &(now, centroid) in &faces {
+                let block = |cell: u64| cell >> (3 * BLOCK_SHIFT);
+                if last.is_none_or(|(before, _)| block(before) != block(now.0)) {
+                    blocks.push(Block { first: patches.len() as u32, low: Vec3::INFINITY, high: Vec3::NEG_INFINITY });
+                }
+                if last != Some(now) {
+                    patches.push(Patch { first: n, middle: n });
+                }
+                if let Some(block) = blocks.last_mut() {
+                    (block.low, block.high) = (block.low.min(centroid), block.high.max(centroid));
+                }
+                (last, n) = (Some(now), n + 1);
+            }
         }
-        let mut wall = Self { origin, places, triangles, centroids, normals, areas, patches: vec![], blocks: vec![] };
-        wall.divide();
+        drop(faces);
+        let count = patches.len();
+        patches.push(Patch { first: n, middle: n });
+        blocks.push(Block { first: count as u32, low: Vec3::ZERO, high: Vec3::ZERO });
+        let middle = |p: usize| {
+            let these = patches[p].first as usize..patches[p + 1].first as usize;
+            let count = these.len().max(1) as f32;
+            let middle = these.clone().map(|n| wall.face(n).centroid).sum::<Vec3>() / count;
+            let far = |n: &usize| wall.face(*n).centroid.distance_squared(middle);
+            these.min_by(|a, b| far(a).total_cmp(&far(b))).unwrap_or_default() as u32
+        };
+        let middles: Vec<u32> = (0..count).into_par_iter().map(middle).collect();
+        patches.iter_mut().zip(middles).for_each(|(p, middle)| p.middle = middle);
+        patches.shrink_to_fit();
+        blocks.shrink_to_fit();
+        (wall.patches, wall.blocks) = (Arc::new(patches), Arc::new(blocks));
         wall
     }
 
-    /// Finds the patches and the blocks.
-    pub(super) fn divide(&mut self) {
-        let cell = |c: &Vec3| interleave((c / CELL_MM).floor().as_ivec3().to_array());
-        let keys: Vec<(u64, u8)> =
-            self.centroids.par_iter().zip(&self.normals).map(|(c, &n)| (cell(c), side(n))).collect();
-        let mut last = None;
-        for (n, now) in keys.into_iter().enumerate() {
-            let cell = now.0;
-            let block = |cell: u64| cell >> (3 * BLOCK_SHIFT);
-            if last.is_none_or(|(before, _)| block(before) != block(cell)) {
-                let first = self.patches.len() as u32;
-                self.blocks.push(Block { first, low: Vec3::INFINITY, high: Vec3::NEG_INFINITY });
-            }
-            if last != Some(now) {
-                self.patches.push(Patch { first: n as u32, middle: n as u32 });
-            }
-            if let Some(block) = self.blocks.last_mut() {
-                (block.low, block.high) = (block.low.min(self.centroids[n]), block.high.max(self.centroids[n]));
-            }
-            last = Some(now);
-        }
-        let (all, patches) = (self.len() as u32, self.patches.len() as u32);
-        self.patches.push(Patch { first: all, middle: all });
-        self.blocks.push(Block { first: patches, low: Vec3::ZERO, high: Vec3::ZERO });
-        let middles: Vec<u32> = (0..patches as usize)
-            .into_par_iter()
-            .map(|p| {
-                let these = self.triangles_of(p);
-                let middle = self.centroids[these.clone()].iter().sum::<Vec3>() / these.len().max(1) as f32;
-                let far = |n: &usize| self.centroids[*n].distance_squared(middle);
-                these.min_by(|a, b| far(a).total_cmp(&far(b))).unwrap_or_default() as u32
-            })
-            .collect();
-        self.patches.iter_mut().zip(middles).for_each(|(p, middle)| p.middle = middle);
+    /// Measures a triangle.
+    #[inline]
+    pub(super) fn face(&self, n: usize) -> Face {
+        Face::of(self.triangles[n].map(|v| self.places[v as usize]))
+    }
+
+    /// Measures the middle triangle of a patch.
+    #[inline]
+    pub(super) fn middle(&self, patch: usize) -> Face {
+        self.face(self.patches[patch].middle as usize)
     }
 
     /// Returns the triangles of a patch.
@@ -161,31 +197,33 @@ impl Wall {
 
     /// Returns the area, mm².
     pub fn mm2(&self) -> f64 {
-        self.areas.iter().map(|&a| f64::from(a)).sum()
+        self.mm2_of(|_| true)
     }
 
     /// Returns the area of the triangles that `which` is true for, mm².
     pub fn mm2_of(&self, which: impl Fn(usize) -> bool) -> f64 {
-        self.areas.iter().enumerate().filter(|(n, _)| which(*n)).map(|(_, &a)| f64::from(a)).sum()
+        (0..self.len()).filter(|&n| which(n)).map(|n| self.mm2_at(n)).sum()
+    }
+
+    /// Returns the area of a triangle, mm².
+    pub fn mm2_at(&self, n: usize) -> f64 {
+        f64::from(self.face(n).mm2)
     }
 
     /// Returns the centroid of a triangle, world, mm.
     pub fn centroid(&self, n: usize) -> DVec3 {
-        self.origin + self.centroids[n].as_dvec3()
+        self.origin + self.face(n).centroid.as_dvec3()
     }
 
     /// Returns the unit normal of a triangle into the gas, world; zero for one without area.
     pub fn normal(&self, n: usize) -> DVec3 {
-        self.normals[n].as_dvec3()
+        self.face(n).normal.as_dvec3()
     }
 
-    /// Returns the size in memory, bytes.
+    /// Returns the size in memory, bytes, which clones share.
     pub fn bytes(&self) -> usize {
         size_of_val(self.places.as_slice())
             + size_of_val(self.triangles.as_slice())
-            + size_of_val(self.centroids.as_slice())
-            + size_of_val(self.normals.as_slice())
-            + size_of_val(self.areas.as_slice())
             + size_of_val(self.patches.as_slice())
             + size_of_val(self.blocks.as_slice())
     }
