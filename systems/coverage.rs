@@ -145,7 +145,7 @@ mod tests {
             seen.watch(&volume, &views[..1], f64::NAN, 0);
             (0..100).for_each(|_| seen.watch(&volume, &views, 0.0, 7));
             seen.watch(&volume, &[], 0.0, 1000);
-            seen.catch_up(&volume, &views, 0.0);
+            seen.catch_up(&volume, &views, 0.0, &Progress::new()).unwrap();
             assert!((0.0..=1.0).contains(&seen.share()), "{at}: {}", seen.share());
         }
         let nothing = Arc::new(crate::fields::Lumen::none(volume.voxels().grid()));

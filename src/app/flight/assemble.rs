@@ -80,9 +80,11 @@ impl FlightApp {
             // Before the flight's first step there is no clock, and no view.
             let seconds = self.app.world.get_resource::<Clock>().map_or(0.0, Clock::seconds);
             match self.camera::<StillViews>() {
-                Some(still) if still.views().len() <= VIEWS_AT_ONCE => coverage.see(volume, views, still, seconds),
+                Some(still) if still.views().len() <= VIEWS_AT_ONCE => {
+                    coverage.see(volume, views, still, seconds, &self.progress)?;
+                }
                 // A window looks at more of them in the background.
-                _ => coverage.catch_up(volume, views, seconds),
+                _ => coverage.catch_up(volume, views, seconds, &self.progress)?,
             }
             self.app.camera().insert(coverage);
         }

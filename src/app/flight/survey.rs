@@ -11,7 +11,7 @@ use crate::components::review::ReviewStop;
 use crate::components::trail::Trail;
 use crate::coverage::{Coverage, LiveCoverage, LookFrom, Missed, Scans, Sight, Wall, missed, part};
 use crate::error::{Error, Result};
-use crate::fields::{Along, lumen};
+use crate::fields::{Along, AlongColon, lumen};
 use crate::render::camera::Perspective;
 use crate::space::PreparedVolume;
 
@@ -19,6 +19,8 @@ use crate::space::PreparedVolume;
 const BACK_GAINS: f64 = 0.005;
 /// The end of the way is somewhere else if it is farther from the camera than this, mm.
 const END_MM: f64 = 20.0;
+/// The stage in which what was seen is computed.
+const LOOKING: &str = "looking at the wall";
 
 /// What a flight has covered so far, from [`FlightApp::survey`].
 #[derive(Clone, Copy)]
@@ -62,22 +64,30 @@ impl<'a> Survey<'a> {
     pub fn coverage(self, fov_degrees: f64, count: bool) -> Result<Option<Covered>> {
         let camera = perspective(fov_degrees)?;
         let views = self.trail().map_or(&[][..], Trail::views);
-        let Some(wall) = self.flight.progress.call(|| self.wall())? else { return Ok(None) };
-        let sights = wall.seen(self.looked_through(), views, &camera, count);
-        let coverage = wall.coverage(&sights);
-        Ok((!wall.is_empty()).then_some(Covered { wall, sights, coverage }))
+        let progress = &self.flight.progress;
+        progress.call(|| {
+            let Some(wall) = self.wall()? else { return Ok(None) };
+            progress.stage(LOOKING, 0);
+            let sights = wall.seen_until(self.looked_through(), views, &camera, count, progress)?;
+            let coverage = wall.coverage(&sights);
+            Ok((!wall.is_empty()).then_some(Covered { wall, sights, coverage }))
+        })
     }
 
     /// Adds what the views from number `since` on have seen of the wall that was not seen before. The counts of the other triangles
     /// stay.
     ///
     /// # Errors
-    /// Returns status 2 if the view angle is invalid.
+    /// Returns status 2 if the view angle is invalid, status 4 if interrupted: then nothing is added.
     pub fn cover_more(self, covered: &mut Covered, fov_degrees: f64, since: usize) -> Result<()> {
         let views = self.trail().map_or(&[][..], Trail::views);
         let (unseen, numbers) = covered.wall.part(|n| covered.sights[n].ahead == 0);
         let camera = perspective(fov_degrees)?;
-        let more = unseen.seen(self.looked_through(), views.get(since..).unwrap_or(&[]), &camera, false);
+        let (progress, views) = (&self.flight.progress, views.get(since..).unwrap_or(&[]));
+        let more = progress.call(|| {
+            progress.stage(LOOKING, 0);
+            unseen.seen_until(self.looked_through(), views, &camera, false, progress)
+        })?;
         part::add(&mut covered.sights, &numbers, &more);
         covered.coverage = covered.wall.coverage(&covered.sights);
         Ok(())
@@ -90,7 +100,7 @@ impl<'a> Survey<'a> {
     /// that another stop shows well gets none.
     ///
     /// # Errors
-    /// Returns status 2 if the view angle is invalid.
+    /// Returns status 2 if the view angle is invalid, status 4 if interrupted.
     pub fn review_stops(
         self,
         covered: &Covered,
@@ -111,8 +121,11 @@ impl<'a> Survey<'a> {
             stops.extend(ends.filter(|end| end.distance(here) > END_MM).map(|end| ReviewStop::new(end, None)));
         }
         let (unseen, numbers) = covered.wall.part(|n| !is_seen(n));
-        let patches = self.missed_by(covered, is_seen, least_mm2);
-        let visited = missed::to_visit(&patches, &unseen, &numbers, self.looked_through(), &camera);
+        // The tour has an order of its own.
+        let patches = self.missed_by(covered, is_seen, least_mm2, |_| None)?;
+        let progress = &self.flight.progress;
+        let visit = || missed::to_visit(&patches, &unseen, &numbers, self.looked_through(), &camera, progress);
+        let visited = progress.call(visit)?;
         let stop = |n: usize| Some(ReviewStop::new(patches[n].look_from?.position, Some(patches[n].position)));
         stops.extend(visited.into_iter().filter_map(stop));
         Ok(stops)
@@ -189,10 +202,7 @@ impl<'a> Survey<'a> {
     /// Returns status 4 if interrupted.
     pub fn missed(self, covered: &Covered) -> Result<Vec<Missed>> {
         let along = self.along()?;
-        let setup = &self.flight.setup;
-        let is_seen = |n: usize| covered.sights[n].ahead > 0;
-        let radius_mm = setup.scene.body.radius_mm;
-        Ok(missed::missed(&covered.wall, is_seen, missed::LEAST_MM2, |p| along.of(p), self.scans(), radius_mm))
+        self.missed_by(covered, |n| covered.sights[n].ahead > 0, missed::LEAST_MM2, |p| along.of(p))
     }
 
     /// Returns the measure along the colon that is flown, which the first call computes.
@@ -204,11 +214,19 @@ impl<'a> Survey<'a> {
         progress.call(|| plan.gas.as_ref().unwrap_or(lumen).along(volume.voxels(), progress))
     }
 
-    /// Returns the patches of at least `least_mm2` for whose triangles `is_seen` is false, the largest first.
-    fn missed_by(self, covered: &Covered, is_seen: impl Fn(usize) -> bool, least_mm2: f64) -> Vec<Missed> {
-        let setup = &self.flight.setup;
-        // The tour has an order of its own.
-        missed::missed(&covered.wall, is_seen, least_mm2, |_| None, self.scans(), setup.scene.body.radius_mm)
+    /// Returns the patches of at least `least_mm2` for whose triangles `is_seen` is false, the largest first, with their places `along`
+    /// the colon.
+    fn missed_by(
+        self,
+        covered: &Covered,
+        is_seen: impl Fn(usize) -> bool,
+        least_mm2: f64,
+        along: impl Fn(DVec3) -> Option<AlongColon> + Sync,
+    ) -> Result<Vec<Missed>> {
+        let FlightApp { setup, progress, .. } = self.flight;
+        let radius_mm = setup.scene.body.radius_mm;
+        progress
+            .call(|| missed::missed_until(&covered.wall, is_seen, least_mm2, along, self.scans(), radius_mm, progress))
     }
 
     /// Returns the share of the path behind the camera, 0 to 1, and the path's length, mm. They refer to the plan or the log that

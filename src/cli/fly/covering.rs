@@ -18,7 +18,6 @@ use crate::coverage::LiveCoverage;
 use crate::error::Result;
 use crate::output;
 use crate::polyps::answers::{Answer, Answers};
-#[cfg(feature = "window")]
 use crate::progress::Progress;
 use crate::render::CameraModel;
 
@@ -118,7 +117,7 @@ impl Covering {
             // Include the last views, which are still queued. The flight's own coverage stays as it is.
             let mut live = live.clone();
             let views = survey.trail().map_or(&[][..], Trail::views);
-            live.catch_up(&flight.setup().volume, views, flight.clock().seconds());
+            live.catch_up(&flight.setup().volume, views, flight.clock().seconds(), &Progress::new())?;
             wall.insert("coverage_live".to_owned(), json!(live.share()));
         }
         wall.insert("wall_mm2".to_owned(), json!(covered.as_ref().map_or(0.0, |c| c.wall.mm2())));

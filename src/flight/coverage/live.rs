@@ -215,15 +215,26 @@ impl LiveCoverage {
     }
 
     /// Takes all views that have not been taken, one by one.
-    pub fn catch_up(&mut self, volume: &PreparedVolume, views: &[(DVec3, Attitude)], seconds: f64) {
+    ///
+    /// # Errors
+    /// Returns status 4 if interrupted: then it has taken some of them.
+    pub fn catch_up(
+        &mut self,
+        volume: &PreparedVolume,
+        views: &[(DVec3, Attitude)],
+        seconds: f64,
+        progress: &Progress,
+    ) -> Result<()> {
         let volume = &self.scan(volume).clone();
         while self.taken < views.len() || self.now.is_some() {
+            progress.check()?;
             if self.now.is_none() {
                 self.take(views, self.taken + 1, seconds);
             }
             let mut unbounded = u32::MAX;
             self.go_on(volume, &mut unbounded);
         }
+        Ok(())
     }
 
     /// Begins with the last view before `end`, if it has not been taken.

@@ -7,9 +7,11 @@ use serde::Serialize as _;
 use super::sight::{FLATTEST_DEGREES, REACH_MM};
 use super::wall::Wall;
 use crate::dynamics::Attitude;
+use crate::error::Result;
 use crate::fields::{AlongColon, ClearanceFinder, Clearances};
 use crate::math::sets::Sets;
 use crate::math::sphere::half_directions;
+use crate::progress::Progress;
 use crate::render::camera::Perspective;
 use crate::space::PreparedVolume;
 
@@ -65,7 +67,7 @@ pub struct Missed {
 }
 
 /// Writes the distance along the colon, mm.
-fn distance_alone<S: serde::Serializer>(along: &Option<AlongColon>, to: S) -> Result<S::Ok, S::Error> {
+fn distance_alone<S: serde::Serializer>(along: &Option<AlongColon>, to: S) -> std::result::Result<S::Ok, S::Error> {
     along.map(|a| a.mm).serialize(to)
 }
 
@@ -91,41 +93,65 @@ pub fn missed<'a>(
     scans: impl Into<Scans<'a>>,
     radius_mm: f64,
 ) -> Vec<Missed> {
+    // Nothing interrupts it.
+    missed_until(wall, is_seen, least_mm2, along, scans, radius_mm, &Progress::new()).unwrap_or_default()
+}
+
+/// The same, and can be interrupted.
+///
+/// # Errors
+/// Returns status 4 if interrupted.
+pub fn missed_until<'a>(
+    wall: &Wall,
+    is_seen: impl Fn(usize) -> bool,
+    least_mm2: f64,
+    along: impl Fn(DVec3) -> Option<AlongColon> + Sync,
+    scans: impl Into<Scans<'a>>,
+    radius_mm: f64,
+    progress: &Progress,
+) -> Result<Vec<Missed>> {
     let walls = &Finders::new(scans.into(), radius_mm);
-    let mut found: Vec<Missed> = patches(wall, is_seen)
+    let all = patches(wall, is_seen);
+    let found: Result<Vec<Option<Missed>>> = all
         .into_par_iter()
-        .filter_map(|triangles| {
+        .map(|triangles| {
+            progress.check()?;
             let mm2 = |n: &u32| wall.mm2_at(*n as usize);
             let area_mm2: f64 = triangles.iter().map(mm2).sum();
             if area_mm2 < least_mm2 {
-                return None;
+                return Ok(None);
             }
             let weighed = |of: fn(&Wall, usize) -> DVec3| -> DVec3 {
                 triangles.iter().map(|n| of(wall, *n as usize) * mm2(n)).sum::<DVec3>()
             };
             let (middle, normal) = (weighed(Wall::centroid) / area_mm2, weighed(Wall::normal).normalize_or_zero());
             let far = |n: &u32| wall.centroid(*n as usize).distance_squared(middle);
-            let nearest = *triangles.iter().min_by(|a, b| far(a).total_cmp(&far(b)))?;
+            let Some(&nearest) = triangles.iter().min_by(|a, b| far(a).total_cmp(&far(b))) else { return Ok(None) };
             let position = wall.centroid(nearest as usize);
             let along = along(position + wall.normal(nearest as usize) * INTO_GAS_MM);
             let look_from = look_from(wall, &triangles, position, normal, walls, radius_mm);
-            Some(Missed { area_mm2, position, normal, along, look_from, triangles })
+            Ok(Some(Missed { area_mm2, position, normal, along, look_from, triangles }))
         })
         .collect();
+    let mut found: Vec<Missed> = found?.into_iter().flatten().collect();
     found.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
-    found
+    Ok(found)
 }
 
 /// Returns the numbers of the patches that a review looks at, in their order: those that can be looked at, without those of which the
 /// views of the ones before show most. `unseen` is the part of the wall that was not seen, with the `numbers` of its triangles in the
 /// whole wall (see [`Wall::part`]).
+///
+/// # Errors
+/// Returns status 4 if interrupted.
 pub fn to_visit(
     patches: &[Missed],
     unseen: &Wall,
     numbers: &[u32],
     volume: &PreparedVolume,
     camera: &Perspective,
-) -> Vec<usize> {
+    progress: &Progress,
+) -> Result<Vec<usize>> {
     let mut is_shown = vec![false; unseen.len()];
     let mut visited = Vec::new();
     for (n, patch) in patches.iter().enumerate() {
@@ -136,11 +162,11 @@ pub fn to_visit(
             continue;
         }
         let view = (from.position, Attitude::new(from.forward, from.up));
-        let sights = unseen.seen(volume, &[view], camera, false);
+        let sights = unseen.seen_until(volume, &[view], camera, false, progress)?;
         sights.iter().zip(&mut is_shown).for_each(|(s, shown)| *shown |= s.ahead > 0);
         visited.push(n);
     }
-    visited
+    Ok(visited)
 }
 
 /// Returns where some places on or near a wall (world mm) are seen from by a camera of `radius_mm` that fits there; `None` for a place

@@ -63,6 +63,22 @@ impl Wall {
         camera: &C,
         count: bool,
     ) -> Vec<Sight> {
+        // Nothing interrupts it.
+        self.seen_until(volume, views, camera, count, &Progress::new()).unwrap_or_default()
+    }
+
+    /// The same, and can be interrupted.
+    ///
+    /// # Errors
+    /// Returns status 4 if interrupted.
+    pub fn seen_until<C: Camera + ?Sized>(
+        &self,
+        volume: &PreparedVolume,
+        views: &[(DVec3, Attitude)],
+        camera: &C,
+        count: bool,
+        progress: &Progress,
+    ) -> Result<Vec<Sight>> {
         let eyes: Vec<Eye> = views.iter().filter_map(|v| Eye::new(v, self.origin)).collect();
         let sight = Sightline::new(self, volume, camera);
         let mut sights = vec![Sight::default(); self.len()];
@@ -75,7 +91,8 @@ impl Wall {
             blocks.push((block, here));
             rest = after;
         }
-        blocks.into_par_iter().for_each_init(Vec::new, |faces: &mut Vec<Face>, (block, sights)| {
+        blocks.into_par_iter().try_for_each_init(Vec::new, |faces: &mut Vec<Face>, (block, sights)| {
+            progress.check()?;
             let Block { low, high, .. } = self.blocks[block];
             let middle = low.midpoint(high);
             let mut near: Vec<&Eye> =
@@ -140,8 +157,9 @@ impl Wall {
                 }
                 these.for_each(|n| sights[n - first].either |= sights[n - first].ahead > 0);
             }
-        });
-        sights
+            Ok(())
+        })?;
+        Ok(sights)
     }
 
     /// Returns the shares of the area that were seen.

@@ -5,6 +5,8 @@ use glam::DVec3;
 use super::live::LiveCoverage;
 use crate::components::still::{StillView, StillViews};
 use crate::dynamics::Attitude;
+use crate::error::Result;
+use crate::progress::Progress;
 use crate::space::PreparedVolume;
 
 /// Maximum number of views that are taken within a frame; more are taken in the background.
@@ -16,13 +18,37 @@ impl LiveCoverage {
     ///
     /// An earlier session must be taken before the flight: otherwise its movements would count as flown from the camera's current
     /// position, and the wall around the camera as passed. If the flight has begun without it, the coverage is computed again.
-    pub fn see(&mut self, volume: &PreparedVolume, trail: &[(DVec3, Attitude)], still: &StillViews, seconds: f64) {
+    ///
+    /// # Errors
+    /// Returns status 4 if interrupted: then it has taken some of them.
+    pub fn see(
+        &mut self,
+        volume: &PreparedVolume,
+        trail: &[(DVec3, Attitude)],
+        still: &StillViews,
+        seconds: f64,
+        progress: &Progress,
+    ) -> Result<()> {
         if self.has_flown() && self.looked < still.earlier().len() {
             *self = self.afresh();
         }
-        self.look(volume, still.earlier(), seconds);
-        self.catch_up(volume, trail, seconds);
-        self.look(volume, still.views(), seconds);
+        self.look_until(volume, still.earlier(), seconds, progress)?;
+        self.catch_up(volume, trail, seconds, progress)?;
+        self.look_until(volume, still.views(), seconds, progress)
+    }
+
+    fn look_until(
+        &mut self,
+        volume: &PreparedVolume,
+        views: &[StillView],
+        seconds: f64,
+        progress: &Progress,
+    ) -> Result<()> {
+        while self.looked < views.len() {
+            progress.check()?;
+            self.look_on(volume, &views[self.looked..=self.looked], seconds);
+        }
+        Ok(())
     }
 
     /// Takes all views that were shown beside the trail and have not been taken, at a time of the flight, s. Returns true if there was
@@ -73,7 +99,6 @@ mod tests {
 
     use super::*;
     use crate::fields::lumen;
-    use crate::progress::Progress;
     use crate::render::camera::Perspective;
     use crate::testing::Room;
 
@@ -126,11 +151,11 @@ mod tests {
             (0..wall.len()).any(|n| (from..to).contains(&wall.centroid(n).y) && missed[n])
         };
         let mut later = live.clone();
-        live.see(&volume, &trail, &views, 0.0);
+        live.see(&volume, &trail, &views, 0.0, &Progress::new()).unwrap();
         assert!(around(&live, 20.0, 200.0) && !around(&live, 305.0, 330.0));
         // The same if the flight had begun before they were known.
-        later.catch_up(&volume, &trail[..1], 0.0);
-        later.see(&volume, &trail, &views, 0.0);
+        later.catch_up(&volume, &trail[..1], 0.0, &Progress::new()).unwrap();
+        later.see(&volume, &trail, &views, 0.0, &Progress::new()).unwrap();
         assert_eq!((later.missed(), later.share()), (live.missed(), live.share()));
         assert_eq!((later.looked(), live.looked()), (views.views().len(), views.views().len()));
     }

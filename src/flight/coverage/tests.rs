@@ -7,6 +7,7 @@ use glam::{DMat3, DVec3, Vec3};
 
 use super::missed::{self, LEAST_MM2, Missed};
 use super::{Coverage, CoveragePaint, LiveCoverage, Sight, Wall, paint_slice};
+use crate::components::still::{StillView, StillViews};
 use crate::dynamics::Attitude;
 use crate::fields::{AlongColon, ClearanceFinder, lumen};
 use crate::progress::Progress;
@@ -160,6 +161,34 @@ fn counting_and_looking_for_one_agree_and_threads_change_nothing() {
 }
 
 #[test]
+fn what_takes_seconds_can_be_interrupted() {
+    let volume = volume([DVec3::splat(-12.0), DVec3::splat(12.0)], 0.8, |p| p.length() - 9.0);
+    let (views, camera) = (along_z([-4.0, 4.0], 2.0), Perspective::new(90.0).unwrap());
+    let gas = Arc::new(lumen::gas_at(volume.voxels(), DVec3::ZERO, &Progress::new()).unwrap().unwrap());
+    let mut live = LiveCoverage::of(&volume, &gas, &Progress::new()).unwrap();
+    let wall = live.wall().clone();
+    let interrupted = Progress::new();
+    interrupted.cancel();
+    let still: StillViews =
+        views.iter().map(|&(position, attitude)| StillView { position, attitude, fov_degrees: 90.0 }).collect();
+    let statuses = [
+        wall.seen_until(&volume, &views, &camera, false, &interrupted).err(),
+        missed::missed_until(&wall, |_| false, 1.0, |_| None, &volume, 1.5, &interrupted).err(),
+        live.catch_up(&volume, &views, 0.0, &interrupted).err(),
+        live.see(&volume, &views, &still, 0.0, &interrupted).err(),
+        LiveCoverage::of(&volume, &gas, &interrupted).err(),
+    ];
+    assert!(statuses.iter().all(|e| e.as_ref().is_some_and(|e| e.kind as u8 == 4)), "{statuses:?}");
+    // It can go on from there.
+    live.see(&volume, &views, &still, 0.0, &Progress::new()).unwrap();
+    let mut other = LiveCoverage::of(&volume, &gas, &Progress::new()).unwrap();
+    other.see(&volume, &views, &still, 0.0, &Progress::new()).unwrap();
+    assert_eq!((live.share(), live.looked()), (other.share(), views.len()));
+    let sights = wall.seen_until(&volume, &views, &camera, false, &Progress::new()).unwrap();
+    assert_eq!(sights, wall.seen(&volume, &views, &camera, false));
+}
+
+#[test]
 fn nothing_seen_and_nothing_to_see() {
     let volume = volume([DVec3::splat(-12.0), DVec3::splat(12.0)], 0.8, |p| p.length() - 9.0);
     let wall = wall(&volume, DVec3::ZERO);
@@ -223,7 +252,8 @@ fn a_pocket_that_was_missed_is_told_with_a_place_to_look_from() {
     let area_mm2 = triangles.iter().map(|&n| wall.mm2_at(n as usize)).sum();
     let beside = Missed { area_mm2, triangles, ..pocket.clone() };
     let narrow = Missed { look_from: None, ..pocket.clone() };
-    let visited = |patches: &[Missed]| missed::to_visit(patches, &unseen, &numbers, &volume, &camera);
+    let visited =
+        |patches: &[Missed]| missed::to_visit(patches, &unseen, &numbers, &volume, &camera, &Progress::new()).unwrap();
     assert_eq!(visited(&[narrow, pocket.clone(), beside.clone()]), [1]);
     assert_eq!(visited(&[beside]), [0]);
     // A place on the pocket's wall is looked at, too, and one that is nowhere is not.
@@ -266,7 +296,7 @@ fn what_was_passed_and_missed_is_painted_and_what_was_seen_is_not() {
     };
     let (rear, side) = (DVec3::new(8.5, 0.0, 54.0), DVec3::new(R, 0.0, 60.0));
     assert!(painted(&live, 0.0).pixels().iter().all(|p| *p == [200; 3]), "nothing is missed before the flight");
-    live.catch_up(&volume, &along_z([8.0, 90.0], 2.0), 10.0);
+    live.catch_up(&volume, &along_z([8.0, 90.0], 2.0), 10.0, &Progress::new()).unwrap();
     let missed = painted(&live, 10.0);
     assert_ne!(pixel(&missed, rear), [200; 3], "the rear of the ring was not seen");
     assert_eq!(pixel(&missed, side), [200; 3], "the side was");
@@ -300,7 +330,7 @@ fn what_was_passed_and_missed_is_painted_and_what_was_seen_is_not() {
         (0..10).map(|n| (DVec3::Z * (76.0 - f64::from(n)), Attitude::new(DVec3::NEG_Z, DVec3::X))).collect();
     let mut views = along_z([8.0, 90.0], 2.0);
     views.extend(back);
-    live.catch_up(&volume, &views, 20.0);
+    live.catch_up(&volume, &views, 20.0, &Progress::new()).unwrap();
     let mut shade = |seconds: f64| pixel(&painted(&live, seconds), rear)[1];
     assert!(shade(20.0) < shade(21.5) && shade(21.5) < 200 && shade(24.0) == 200, "{}", shade(20.0));
     assert!(!at(&lines(&live), rear));

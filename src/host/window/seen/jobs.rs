@@ -32,7 +32,7 @@ pub(super) fn begin(flight: &FlightApp, other: Option<Entity>, background: &Back
             None => LiveCoverage::of(&volume, &gas, progress)?,
         };
         coverage.set_fov(fov_degrees);
-        coverage.see(&volume, &views, &still, LONG_AGO);
+        coverage.see(&volume, &views, &still, LONG_AGO, progress)?;
         let paint = CoveragePaint::new(&coverage);
         Ok(Done::Begun(Box::new((coverage, paint))))
     };
@@ -47,8 +47,8 @@ pub(super) fn catch_up(
     background: &Background,
 ) -> Result<Job<Done>> {
     let (volume, (views, still)) = (flight.setup().volume.clone(), views(flight));
-    let work = move |_: &Arc<Progress>| {
-        coverage.see(&volume, &views, &still, LONG_AGO);
+    let work = move |progress: &Arc<Progress>| {
+        coverage.see(&volume, &views, &still, LONG_AGO, progress)?;
         let paint = paint.unwrap_or_else(|| CoveragePaint::new(&coverage));
         Ok(Done::Begun(Box::new((coverage, paint))))
     };
@@ -81,10 +81,10 @@ pub(super) fn list(coverage: &LiveCoverage, flight: &FlightApp, background: &Bac
         let scans = Scans { shown: coverage.scan(&volume), flown: &volume };
         let is_missed = coverage.missed();
         let (wall, place) = (coverage.wall(), |p: DVec3| along.of(p));
-        let found = missed::missed(wall, |n| !is_missed[n], missed::LEAST_MM2, place, scans, radius);
+        let found = missed::missed_until(wall, |n| !is_missed[n], missed::LEAST_MM2, place, scans, radius, progress)?;
         let (unseen, numbers) = wall.part(|n| is_missed[n]);
         let mut is_visited = vec![false; found.len()];
-        for n in missed::to_visit(&found, &unseen, &numbers, scans.shown, coverage.camera()) {
+        for n in missed::to_visit(&found, &unseen, &numbers, scans.shown, coverage.camera(), progress)? {
             is_visited[n] = true;
         }
         let mut found: Vec<Patch> = found.into_iter().zip(is_visited).collect();
