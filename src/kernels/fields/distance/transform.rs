@@ -10,6 +10,9 @@
 //!
 //! Everything runs within the requested voxels: the ball given by a distance contains every voxel that its computation
 //! passes through, so nothing beyond the lumen and its shell is read.
+//!
+//! One value is kept for each requested voxel, that of the first two families. The third is computed for a few slices at a time and
+//! merged at once: its scan along z reads bits, not values. Kept whole, it would be the largest part of a flight's memory at its peak.
 
 use std::ops::Range;
 
@@ -19,6 +22,9 @@ use super::envelope::Envelope;
 use crate::error::Result;
 use crate::fields::voxels::{VoxelSet, each_bit, each_run};
 use crate::progress::Progress;
+
+/// Slices for which the family of z is computed at a time, by one thread. Each reads the bits of all slices.
+const SLICES: usize = 32;
 
 /// The voxels inside, and the position of the wall between two voxels.
 #[derive(Clone, Copy, Debug)]
@@ -131,11 +137,11 @@ impl Window {
     }
 }
 
-/// Computes squared distances along the lines' axis to the nearest crossing on it, mm², for the whole window.
-fn scan(walls: &Walls, lines: &Lines, window: &Window, spacing: f32, out: &mut Vec<f32>) {
+/// Computes squared distances along the lines' axis to the nearest crossing on it, mm², for the lines `part` of the window.
+fn scan(walls: &Walls, lines: &Lines, window: &Window, part: &Range<usize>, spacing: f32, out: &mut Vec<f32>) {
     let width = window.width();
     out.clear();
-    out.resize(window.len(), f32::INFINITY);
+    out.resize(part.len() * width, f32::INFINITY);
     let (first, last) = (window.lines.start, window.lines.end - 1);
     let x0 = window.xs.start;
     let mut seen = vec![f32::NEG_INFINITY; width];
@@ -145,7 +151,7 @@ fn scan(walls: &Walls, lines: &Lines, window: &Window, spacing: f32, out: &mut V
     if first == 0 {
         at_border(0, -walls.border(), &mut seen);
     }
-    for n in window.lines.clone() {
+    for n in first..part.end {
         if n > 0 {
             walls.crossings(lines, n - 1, |x, place| {
                 if window.xs.contains(&x) {
@@ -153,8 +159,9 @@ fn scan(walls: &Walls, lines: &Lines, window: &Window, spacing: f32, out: &mut V
                 }
             });
         }
+        let Some(row) = n.checked_sub(part.start) else { continue };
         let here = n as f32;
-        for (o, &s) in out[(n - first) * width..][..width].iter_mut().zip(&seen) {
+        for (o, &s) in out[row * width..][..width].iter_mut().zip(&seen) {
             *o = (here - s) * spacing;
         }
     }
@@ -162,7 +169,7 @@ fn scan(walls: &Walls, lines: &Lines, window: &Window, spacing: f32, out: &mut V
     if last + 1 == lines.count() {
         at_border(last, last as f32 + walls.border(), &mut seen);
     }
-    for n in window.lines.clone().rev() {
+    for n in (part.start..=last).rev() {
         if n + 1 < lines.count() {
             walls.crossings(lines, n, |x, place| {
                 if window.xs.contains(&x) {
@@ -170,8 +177,11 @@ fn scan(walls: &Walls, lines: &Lines, window: &Window, spacing: f32, out: &mut V
                 }
             });
         }
+        if n >= part.end {
+            continue;
+        }
         let here = n as f32;
-        for (o, &s) in out[(n - first) * width..][..width].iter_mut().zip(&seen) {
+        for (o, &s) in out[(n - part.start) * width..][..width].iter_mut().zip(&seen) {
             let d = o.min((s - here) * spacing);
             *o = d * d;
         }
@@ -228,6 +238,13 @@ fn scan_row(
 }
 
 impl Envelope {
+    /// Applies the envelope to every run of `set` in each row of the window.
+    fn along_rows(&mut self, set: &VoxelSet, lines: &Lines, window: &Window, square: f32, values: &mut [f32]) {
+        for (n, row) in window.lines.clone().zip(values.chunks_exact_mut(window.width())) {
+            self.along_row(lines.row(set, n), &window.xs, square, row);
+        }
+    }
+
     /// Applies the envelope to every run of `set` in one row.
     fn along_row(&mut self, row: &[u64], xs: &Range<usize>, square: f32, values: &mut [f32]) {
         each_run(row, |r| {
@@ -274,18 +291,32 @@ impl Envelope {
 /// Values of the members in each row of a plane.
 type PlaneRows<'v> = Vec<&'v mut [f32]>;
 
-/// Splits the values of `set` into the rows of slices (fixed k) or of layers (fixed j), so that different threads can write them.
-fn planes<'v>(set: &VoxelSet, mut values: &'v mut [f32], axis: usize) -> Vec<PlaneRows<'v>> {
-    let [_, ny, nz] = set.dims();
-    let (count, each) = if axis == 1 { (nz, ny) } else { (ny, nz) };
+/// Splits the values of the slices `ks` of `set` into the rows of slices (fixed k) or of layers (fixed j), so that different threads can
+/// write them.
+fn planes<'v>(set: &VoxelSet, ks: Range<usize>, mut values: &'v mut [f32], axis: usize) -> Vec<PlaneRows<'v>> {
+    let [_, ny, _] = set.dims();
+    let (count, each) = if axis == 1 { (ks.len(), ny) } else { (ny, ks.len()) };
     let mut out: Vec<PlaneRows> = (0..count).map(|_| Vec::with_capacity(each)).collect();
-    for k in 0..nz {
+    for k in ks.clone() {
         for j in 0..ny {
             let next = if j + 1 < ny { set.row_start(j + 1, k) } else { set.row_start(0, k + 1) };
             let (row, rest) = values.split_at_mut(next - set.row_start(j, k));
-            out[if axis == 1 { k } else { j }].push(row);
+            out[if axis == 1 { k - ks.start } else { j }].push(row);
             values = rest;
         }
+    }
+    out
+}
+
+/// Splits the values of `set` by some slices at a time.
+fn slabs<'v>(set: &VoxelSet, mut values: &'v mut [f32]) -> Vec<(Range<usize>, &'v mut [f32])> {
+    let nz = set.dims()[2];
+    let mut out = Vec::with_capacity(nz.div_ceil(SLICES));
+    for begin in (0..nz).step_by(SLICES) {
+        let ks = begin..(begin + SLICES).min(nz);
+        let (own, rest) = values.split_at_mut(set.row_start(0, ks.end) - set.row_start(0, begin));
+        out.push((ks, own));
+        values = rest;
     }
     out
 }
@@ -303,12 +334,19 @@ fn spread(set: &VoxelSet, lines: &Lines, window: &Window, rows: &[&mut [f32]], o
     }
 }
 
-/// Collects the members' values from the window.
-fn collect(set: &VoxelSet, lines: &Lines, window: &Window, values: &[f32], rows: &mut [&mut [f32]]) {
-    for (n, line) in window.lines.clone().zip(values.chunks_exact(window.width())) {
+/// Collects the members' values of the lines `part` from the window; `rows` are those of the lines from `first` on.
+fn collect(
+    set: &VoxelSet,
+    lines: &Lines,
+    (window, part): (&Window, &Range<usize>),
+    values: &[f32],
+    (first, rows): (usize, &mut [&mut [f32]]),
+) {
+    for (n, line) in part.clone().zip(values.chunks_exact(window.width())) {
         let mut at = 0;
         each_run(lines.row(set, n), |r| {
-            rows[n][at..at + r.len()].copy_from_slice(&line[r.start - window.xs.start..r.end - window.xs.start]);
+            rows[n - first][at..at + r.len()]
+                .copy_from_slice(&line[r.start - window.xs.start..r.end - window.xs.start]);
             at += r.len();
         });
     }
@@ -326,7 +364,7 @@ struct Slice {
 }
 
 impl Slice {
-    /// Replaces the scan along z in `across` by Py(Px(fz²)), and fills `within` with min(Py(fx²), Px(fy²)).
+    /// Fills `within` with min(Py(fx²), Px(fy²)).
     fn fill(
         &mut self,
         walls: &Walls,
@@ -334,35 +372,49 @@ impl Slice {
         (lines, window): (&Lines, &Window),
         spacing: [f32; 3],
         within: &mut [&mut [f32]],
+    ) {
+        self.scan(walls, lines, window, spacing);
+        let Self { x, y, envelope, .. } = self;
+        envelope.along_rows(asked, lines, window, spacing[0] * spacing[0], y);
+        envelope.across(asked, lines, window, spacing[1] * spacing[1], x);
+        x.iter_mut().zip(&*y).for_each(|(x, &y)| *x = x.min(y));
+        collect(asked, lines, (window, &window.lines), x, (0, within));
+    }
+
+    /// Replaces the scan along z in `across` by Py(Px(fz²)), or the plane through the crossings near a voxel where that is nearer.
+    fn fill_across(
+        &mut self,
+        walls: &Walls,
+        asked: &VoxelSet,
+        (lines, window): (&Lines, &Window),
+        spacing: [f32; 3],
         across: &mut [&mut [f32]],
     ) {
-        let Self { x, y, z, plane, places, envelope } = self;
         let squares = spacing.map(|s| s * s);
-        spread(asked, lines, window, across, z);
-        scan(walls, lines, window, spacing[1], y);
+        spread(asked, lines, window, across, &mut self.z);
+        self.plane.clear();
+        if walls.hu.is_some() {
+            self.scan(walls, lines, window, spacing);
+            let Self { x, y, z, plane, .. } = self;
+            let near = x.iter().zip(&*y).zip(&*z).map(|((&x, &y), &z)| tangent([x, y, z], squares));
+            plane.extend(near);
+        }
+        let Self { z, plane, envelope, .. } = self;
+        envelope.along_rows(asked, lines, window, squares[0], z);
+        envelope.across(asked, lines, window, squares[1], z);
+        z.iter_mut().zip(&*plane).for_each(|(z, &p)| *z = z.min(p));
+        collect(asked, lines, (window, &window.lines), z, (0, across));
+    }
+
+    /// Fills `x` and `y` with the scans along x and y.
+    fn scan(&mut self, walls: &Walls, lines: &Lines, window: &Window, spacing: [f32; 3]) {
+        let Self { x, y, places, .. } = self;
+        scan(walls, lines, window, &window.lines, spacing[1], y);
         x.clear();
         x.resize(window.len(), f32::INFINITY);
         for (n, row) in window.lines.clone().zip(x.chunks_exact_mut(window.width())) {
             scan_row(walls, lines.place(n), &window.xs, spacing[0], places, row);
         }
-        let rows = |values: &mut Vec<f32>, envelope: &mut Envelope| {
-            for (n, row) in window.lines.clone().zip(values.chunks_exact_mut(window.width())) {
-                envelope.along_row(lines.row(asked, n), &window.xs, squares[0], row);
-            }
-        };
-        plane.clear();
-        if walls.hu.is_some() {
-            let near = x.iter().zip(&*y).zip(&*z).map(|((&x, &y), &z)| tangent([x, y, z], squares));
-            plane.extend(near);
-        }
-        rows(y, envelope);
-        rows(z, envelope);
-        envelope.across(asked, lines, window, squares[1], x);
-        envelope.across(asked, lines, window, squares[1], z);
-        x.iter_mut().zip(&*y).for_each(|(x, &y)| *x = x.min(y));
-        z.iter_mut().zip(&*plane).for_each(|(z, &p)| *z = z.min(p));
-        collect(asked, lines, window, x, within);
-        collect(asked, lines, window, z, across);
     }
 }
 
@@ -390,51 +442,67 @@ pub(super) fn distances(
 ) -> Result<Vec<f32>> {
     let dims = asked.dims();
     let spacing = spacing.map(|s| s as f32);
-    progress.stage("measuring the distance to the wall", (2 * dims[1] + dims[2]) as u64);
-    let mut across = vec![f32::INFINITY; asked.len()];
-    let mut within = vec![f32::INFINITY; asked.len()];
-    // Along z: each layer of rows with the same j.
-    let layers = planes(asked, &mut across, 2).into_par_iter().enumerate();
-    layers.try_for_each_init(Vec::new, |values, (j, mut rows)| {
-        let lines = Lines { dims, axis: 2, at: j };
-        if let Some(window) = Window::of(asked, &lines) {
-            scan(walls, &lines, &window, spacing[2], values);
-            collect(asked, &lines, &window, values, &mut rows);
-        }
-        progress.advance(1)
-    })?;
-    // Within each slice: everything but the last envelope along z.
-    let slices = planes(asked, &mut within, 1).into_par_iter().zip(planes(asked, &mut across, 1)).enumerate();
-    slices.try_for_each_init(Slice::default, |room, (k, (mut within, mut across))| {
+    let all = 0..dims[2];
+    progress.stage("measuring the distance to the wall", (dims[1] + 2 * dims[2]) as u64);
+    let mut values = vec![f32::INFINITY; asked.len()];
+    // Within each slice, then along z: each layer of rows with the same j.
+    let slices = planes(asked, all.clone(), &mut values, 1).into_par_iter().enumerate();
+    slices.try_for_each_init(Slice::default, |room, (k, mut rows)| {
         let lines = Lines { dims, axis: 1, at: k };
         if let Some(window) = Window::of(asked, &lines) {
-            room.fill(walls, asked, (&lines, &window), spacing, &mut within, &mut across);
+            room.fill(walls, asked, (&lines, &window), spacing, &mut rows);
         }
         progress.advance(1)
     })?;
-    let layers = planes(asked, &mut within, 2).into_par_iter().enumerate();
-    layers.try_for_each_init(<(Vec<f32>, Envelope)>::default, |(values, envelope), (j, mut rows)| {
-        let lines = Lines { dims, axis: 2, at: j };
-        if let Some(window) = Window::of(asked, &lines) {
-            spread(asked, &lines, &window, &rows, values);
-            envelope.across(asked, &lines, &window, spacing[2] * spacing[2], values);
-            collect(asked, &lines, &window, values, &mut rows);
-        }
-        progress.advance(1)
-    })?;
+    let layers = planes(asked, all, &mut values, 2).into_par_iter().enumerate();
+    let windows: Result<Vec<Option<Window>>> = layers
+        .map_init(<(Vec<f32>, Envelope)>::default, |(room, envelope), (j, mut rows)| {
+            let lines = Lines { dims, axis: 2, at: j };
+            let window = Window::of(asked, &lines);
+            if let Some(window) = &window {
+                spread(asked, &lines, window, &rows, room);
+                envelope.across(asked, &lines, window, spacing[2] * spacing[2], room);
+                collect(asked, &lines, (window, &window.lines), room, (0, &mut rows));
+            }
+            progress.advance(1)?;
+            Ok(window)
+        })
+        .collect();
+    let windows = windows?;
     let (scale, most) = (scale as f32, most as f32);
-    let slices = planes(asked, &mut within, 1).into_par_iter().zip(planes(asked, &mut across, 1)).enumerate();
-    slices.for_each(|(k, (mut within, across))| {
-        for (j, (row, other)) in within.iter_mut().zip(across).enumerate() {
-            let mut n = 0;
-            for (&all, &inside) in asked.row(j, k).iter().zip(walls.inside.row(j, k)) {
-                each_bit(all, |b| {
-                    let d = row[n].min(other[n]).sqrt().min(most) * scale;
-                    row[n] = if inside >> b & 1 == 1 { d } else { -d.max(f32::MIN_POSITIVE) };
-                    n += 1;
+    let slabs = slabs(asked, &mut values).into_par_iter();
+    slabs.try_for_each_init(<(Slice, Vec<f32>, Vec<f32>)>::default, |(room, plane, across), (ks, values)| {
+        across.clear();
+        across.resize(values.len(), f32::INFINITY);
+        let mut layers = planes(asked, ks.clone(), across, 2);
+        for (j, (window, rows)) in windows.iter().zip(&mut layers).enumerate() {
+            let Some(window) = window else { continue };
+            let part = window.lines.start.max(ks.start)..window.lines.end.min(ks.end);
+            if !part.is_empty() {
+                let lines = Lines { dims, axis: 2, at: j };
+                scan(walls, &lines, window, &part, spacing[2], plane);
+                collect(asked, &lines, (window, &part), plane, (ks.start, rows));
+            }
+        }
+        drop(layers);
+        for (k, mut rows) in ks.clone().zip(planes(asked, ks.clone(), across, 1)) {
+            let lines = Lines { dims, axis: 1, at: k };
+            if let Some(window) = Window::of(asked, &lines) {
+                room.fill_across(walls, asked, (&lines, &window), spacing, &mut rows);
+            }
+            progress.advance(1)?;
+        }
+        let mut both = values.iter_mut().zip(&*across);
+        for (j, k) in ks.flat_map(|k| (0..dims[1]).map(move |j| (j, k))) {
+            for (&members, &inside) in asked.row(j, k).iter().zip(walls.inside.row(j, k)) {
+                each_bit(members, |b| {
+                    let Some((value, &other)) = both.next() else { return };
+                    let d = value.min(other).sqrt().min(most) * scale;
+                    *value = if inside >> b & 1 == 1 { d } else { -d.max(f32::MIN_POSITIVE) };
                 });
             }
         }
-    });
-    Ok(within)
+        Ok(())
+    })?;
+    Ok(values)
 }
