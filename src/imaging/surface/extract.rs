@@ -31,7 +31,7 @@ impl Mesh {
         check_count(&numbers)?;
         let (places, normals) = vertices(volume, &signs, &numbers);
         let above = |v| value(voxels, v) - iso;
-        let (triangles, blocks) = triangles(voxels.grid(), above, &signs, &numbers, &places);
+        let (triangles, blocks) = triangles(voxels.grid(), above, &signs, &numbers, Some(&places));
         Ok(Self { origin: voxels.grid().origin(), places, normals, triangles, blocks })
     }
 }
@@ -96,14 +96,14 @@ fn vertices(volume: &PreparedVolume, signs: &Signs, numbers: &Numbers) -> (Vec<V
     (places, normals)
 }
 
-/// Computes the triangles, block by block. `above` is the difference between a grown voxel and the wall; it is more
+/// Computes the triangles, block by block, and with `places` of the vertices the balls around the blocks. `above` is the difference between a grown voxel and the wall; it is more
 /// than 0 exactly where the voxel is solid, or 0.
 pub(super) fn triangles(
     grid: &Grid,
     above: impl Fn([usize; 3]) -> f64 + Sync,
     signs: &Signs,
     numbers: &Numbers,
-    places: &[Vec3],
+    places: Option<&[Vec3]>,
 ) -> (Vec<[u32; 3]>, Vec<Block>) {
     let cells = signs.dims.map(|n| n - 1);
     let blocks = cells.map(|n| n.div_ceil(BLOCK));
@@ -116,7 +116,7 @@ pub(super) fn triangles(
             let begun = triangles.len();
             let corner = [bx * BLOCK, first[1], first[2]];
             block(&above, signs, numbers, corner, mirrored, &mut triangles);
-            if triangles.len() > begun {
+            if let Some(places) = places.filter(|_| triangles.len() > begun) {
                 let (centre, radius) = ball(&triangles[begun..], places);
                 let count = (triangles.len() - begun) as u32;
                 found.push(Block { centre, radius, first: begun as u32, count });

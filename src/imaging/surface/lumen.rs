@@ -43,7 +43,8 @@ impl LumenMesh {
         let steps = [0, 1, 2].map(|a| grid.to_world().matrix3.col(a).as_vec3());
         let places = |sliders: &[Slider]| -> Vec<Vec3> { sliders.par_iter().map(|s| s.place(&steps)).collect() };
         let above = |v: [usize; 3]| interior.above(v.map(|x| x as i64 - 1));
-        let (triangles, _) = triangles(grid, above, &signs, &numbers, &places(&sliders));
+        let (triangles, _) = triangles(grid, above, &signs, &numbers, None);
+        drop((signs, numbers));
         progress.check()?;
         relax(&mut sliders, &steps, &triangles, progress)?;
         Ok(Self { origin: grid.origin(), places: places(&sliders), triangles })

@@ -122,10 +122,14 @@ impl Signs {
     }
 }
 
-/// Numbers of the vertices: for each row and axis the number before its first, and for each word the count of vertices
+/// Words of a row between two kept counts. With a count for each, the counts would take half as much memory again as the bits.
+const WORDS: usize = 8;
+
+/// Numbers of the vertices: for each row and axis the number before its first, and for every eighth word the count of vertices
 /// before it in the row.
 pub(super) struct Numbers {
-    words: usize,
+    /// Counts in a row.
+    counts: usize,
     rows: Vec<u64>,
     before: Vec<u32>,
 }
@@ -135,13 +139,16 @@ impl Numbers {
     pub(crate) fn new(signs: &Signs) -> Self {
         let words = signs.words();
         let rows = signs.dims[1] * signs.dims[2];
-        let mut before = vec![0u32; rows * 3 * words];
+        let counts = words.div_ceil(WORDS);
+        let mut before = vec![0u32; rows * 3 * counts];
         let mut totals = vec![0u64; rows * 3 + 1];
-        before.par_chunks_mut(words).zip(totals[1..].par_iter_mut()).enumerate().for_each(|(n, (before, total))| {
+        before.par_chunks_mut(counts).zip(totals[1..].par_iter_mut()).enumerate().for_each(|(n, (before, total))| {
             let (axis, y, z) = (n % 3, n / 3 % signs.dims[1], n / 3 / signs.dims[1]);
             let mut count = 0;
-            for (w, b) in before.iter_mut().enumerate() {
-                *b = count;
+            for w in 0..words {
+                if w % WORDS == 0 {
+                    before[w / WORDS] = count;
+                }
                 count += signs.crossed(axis, y, z, w).count_ones();
             }
             *total = u64::from(count);
@@ -149,7 +156,7 @@ impl Numbers {
         for n in 1..totals.len() {
             totals[n] += totals[n - 1];
         }
-        Self { words, rows: totals, before }
+        Self { counts, rows: totals, before }
     }
 
     /// Returns the number of vertices.
@@ -166,7 +173,42 @@ impl Numbers {
     pub(crate) fn of(&self, signs: &Signs, axis: usize, [x, y, z]: [usize; 3]) -> u32 {
         let row = 3 * (y + signs.dims[1] * z) + axis;
         let (w, bit) = (x / 64, x % 64);
+        let kept = w / WORDS;
+        let since: u32 = (kept * WORDS..w).map(|w| signs.crossed(axis, y, z, w).count_ones()).sum();
         let within = signs.crossed(axis, y, z, w) & ((1 << bit) - 1);
-        self.rows[row] as u32 + self.before[row * self.words + w] + within.count_ones()
+        self.rows[row] as u32 + self.before[row * self.counts + kept] + since + within.count_ones()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::hash;
+
+    #[test]
+    fn vertices_are_numbered_in_their_order_also_in_rows_of_many_words() {
+        let dims = [1300, 4, 3];
+        // Dense and sparse stretches, and an empty row.
+        let is_in = |n: usize| {
+            let share = if n % 1300 < 600 { 0.5 } else { 0.01 };
+            n / 1300 != 5 && hash::uniform(n as u64, 1) < share
+        };
+        let signs = Signs::of_set(&VoxelSet::from_fn(dims, is_in).unwrap());
+        let numbers = Numbers::new(&signs);
+        let mut count = 0;
+        for z in 0..signs.dims[2] {
+            assert_eq!(numbers.before_plane(&signs, z), count as usize);
+            for y in 0..signs.dims[1] {
+                for axis in 0..3 {
+                    for x in 0..signs.dims[0] {
+                        if signs.crossed(axis, y, z, x / 64) >> (x % 64) & 1 == 1 {
+                            assert_eq!(numbers.of(&signs, axis, [x, y, z]), count, "{axis} {x} {y} {z}");
+                            count += 1;
+                        }
+                    }
+                }
+            }
+        }
+        assert!(count > 1000 && numbers.total() == u64::from(count));
     }
 }
