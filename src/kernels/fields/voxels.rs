@@ -1,8 +1,9 @@
 //! A set of numbered voxels. Fields over the lumen store one value for each member.
 //!
 //! The set has one bit for each voxel of the grid, with rows padded to whole words, and the number of members before each word. One
-//! look-up in each and a bit count give a member's number (a rank dictionary, Jacobson 1989). A field therefore costs its values
-//! plus an eighth of a byte and half of that for each voxel of the grid, never a value for each voxel.
+//! look-up in each and a bit count give a member's number (a rank dictionary, Jacobson 1989). Rows beyond the first and last members
+//! along y and z are not kept. A field therefore costs its values plus an eighth of a byte and half of that for each voxel of the
+//! part of the grid that it lies in, never a value for each voxel.
 
 use std::ops::Range;
 
@@ -14,6 +15,10 @@ pub struct VoxelSet {
     dims: [usize; 3],
     /// Words per row.
     words: usize,
+    /// The rows that are kept: those between the first and the last members.
+    js: Range<usize>,
+    ks: Range<usize>,
+    /// Their bits, and a row without members at the end, which stands for all others.
     bits: Vec<u64>,
     /// Number of members before each word.
     ranks: Vec<u32>,
@@ -27,7 +32,7 @@ impl VoxelSet {
         for (j, k, r) in runs {
             fill(&mut bits[words * (j + dims[1] * k)..][..words], r);
         }
-        Self::of_bits(dims, bits)
+        Self::of_grid(dims, &bits)
     }
 
     /// Creates a set of the voxels that `is_in` accepts, given as linear indices.
@@ -39,10 +44,34 @@ impl VoxelSet {
                 to[i / 64] |= u64::from(is_in(row * dims[0] + i)) << (i % 64);
             }
         }
-        Self::of_bits(dims, bits)
+        Self::of_grid(dims, &bits)
     }
 
-    fn of_bits(dims: [usize; 3], bits: Vec<u64>) -> Option<Self> {
+    /// Creates a set from the bits of all rows.
+    fn of_grid(dims: [usize; 3], bits: &[u64]) -> Option<Self> {
+        let [_, ny, nz] = dims;
+        let words = dims[0].div_ceil(64);
+        let row = |j: usize, k: usize| &bits[words * (j + ny * k)..][..words];
+        let (mut js, mut ks) = (ny..0, nz..0);
+        for (k, j) in (0..nz).flat_map(|k| (0..ny).map(move |j| (k, j))) {
+            if row(j, k).iter().any(|&w| w != 0) {
+                (js.start, js.end) = (js.start.min(j), js.end.max(j + 1));
+                (ks.start, ks.end) = (ks.start.min(k), k + 1);
+            }
+        }
+        if js.is_empty() {
+            (js, ks) = (0..0, 0..0);
+        }
+        let mut kept = Vec::with_capacity(words * (js.len() * ks.len() + 1));
+        for k in ks.clone() {
+            kept.extend_from_slice(&bits[words * (js.start + ny * k)..words * (js.end + ny * k)]);
+        }
+        kept.resize(kept.len() + words, 0);
+        Self::of_rows(dims, js, ks, kept)
+    }
+
+    /// Creates a set from the bits of the rows that are kept, and of one without members.
+    fn of_rows(dims: [usize; 3], js: Range<usize>, ks: Range<usize>, bits: Vec<u64>) -> Option<Self> {
         let mut ranks = Vec::with_capacity(bits.len());
         let mut count = 0u64;
         for w in &bits {
@@ -50,30 +79,42 @@ impl VoxelSet {
             count += u64::from(w.count_ones());
         }
         u32::try_from(count).ok()?;
-        Some(Self { dims, words: dims[0].div_ceil(64), bits, ranks })
+        Some(Self { dims, words: dims[0].div_ceil(64), js, ks, bits, ranks })
     }
 
     /// Returns all voxels within `reach` voxels of a member along every axis (Chebyshev distance), limited to the grid.
     pub fn dilated(&self, reach: usize) -> Option<Self> {
         let [nx, ny, nz] = self.dims;
         let w = self.words;
-        let mut bits = self.bits.clone();
+        if self.js.is_empty() {
+            return Some(self.clone());
+        }
+        let wider = |r: &Range<usize>, count: usize| r.start.saturating_sub(reach)..(r.end + reach).min(count);
+        let (js, ks) = (wider(&self.js, ny), wider(&self.ks, nz));
+        let (own, count) = (w * self.js.len(), js.len());
         let near =
             |n: usize, count: usize| (n.saturating_sub(reach)..(n + reach + 1).min(count)).filter(move |&m| m != n);
         let unite = |to: &mut [u64], from: &[u64]| to.iter_mut().zip(from).for_each(|(t, f)| *t |= f);
         // Within each slice along x, then along y; then whole slices along z.
-        bits.par_chunks_exact_mut(w * ny).for_each(|slice| {
+        let mut source = vec![0u64; w * count * ks.len()];
+        source.par_chunks_exact_mut(w * count).enumerate().for_each(|(n, slice)| {
+            let Some(k) = (n + ks.start).checked_sub(self.ks.start).filter(|&k| k < self.ks.len()) else { return };
+            let first = w * (self.js.start - js.start);
+            slice[first..first + own].copy_from_slice(&self.bits[own * k..own * (k + 1)]);
             slice.chunks_exact_mut(w).for_each(|row| dilate_row(row, reach, nx));
             let source = slice.to_vec();
             for (j, row) in slice.chunks_exact_mut(w).enumerate() {
-                near(j, ny).for_each(|m| unite(row, &source[m * w..][..w]));
+                near(j, count).for_each(|m| unite(row, &source[m * w..][..w]));
             }
         });
-        let source = bits.clone();
-        bits.par_chunks_exact_mut(w * ny).enumerate().for_each(|(k, slice)| {
-            near(k, nz).for_each(|m| unite(slice, &source[m * w * ny..][..w * ny]));
+        let mut bits = Vec::with_capacity(source.len() + w);
+        bits.extend_from_slice(&source);
+        bits.par_chunks_exact_mut(w * count).enumerate().for_each(|(k, slice)| {
+            near(k, ks.len()).for_each(|m| unite(slice, &source[m * w * count..][..w * count]));
         });
-        Self::of_bits(self.dims, bits)
+        drop(source);
+        bits.resize(bits.len() + w, 0);
+        Self::of_rows(self.dims, js, ks, bits)
     }
 
     /// Returns the number of voxels along each axis of the grid.
@@ -93,12 +134,24 @@ impl VoxelSet {
 
     /// Returns the bits of row (j, k).
     pub fn row(&self, j: usize, k: usize) -> &[u64] {
-        &self.bits[self.words * (j + self.dims[1] * k)..][..self.words]
+        &self.bits[self.words * self.kept(j, k)..][..self.words]
+    }
+
+    /// Returns which of the rows that are kept row (j, k) is.
+    #[inline]
+    fn kept(&self, j: usize, k: usize) -> usize {
+        // A row before the first one wraps around, and is too large, too.
+        let (j, k) = (j.wrapping_sub(self.js.start), k.wrapping_sub(self.ks.start));
+        let is_kept = j < self.js.len() && k < self.ks.len();
+        if is_kept { j + self.js.len() * k } else { self.js.len() * self.ks.len() }
     }
 
     /// Returns the number of the first member in row (j, k) or after it; the number of all members after the last row.
     pub fn row_start(&self, j: usize, k: usize) -> usize {
-        self.ranks.get(self.words * (j + self.dims[1] * k)).map_or_else(|| self.len(), |&r| r as usize)
+        // The first row that is kept from there on.
+        let (j, k) = if j < self.js.end { (j.max(self.js.start), k) } else { (self.js.start, k + 1) };
+        let (j, k) = if k < self.ks.start { (self.js.start, self.ks.start) } else { (j, k) };
+        if k < self.ks.end { self.ranks[self.words * self.kept(j, k)] as usize } else { self.len() }
     }
 
     /// True if a voxel is a member. Voxels outside the grid are not.
@@ -114,7 +167,7 @@ impl VoxelSet {
         if (i as u64) >= nx as u64 || (j as u64) >= ny as u64 || (k as u64) >= nz as u64 {
             return None;
         }
-        let at = self.words * (j as usize + ny * k as usize) + i as usize / 64;
+        let at = self.words * self.kept(j as usize, k as usize) + i as usize / 64;
         let (word, bit) = (self.bits[at], 1u64 << (i % 64));
         (word & bit != 0).then(|| self.ranks[at] as usize + (word & (bit - 1)).count_ones() as usize)
     }
@@ -126,17 +179,25 @@ impl VoxelSet {
         for _ in self.ranks[at] as usize..number {
             word &= word - 1;
         }
-        let (row, x) = (at / self.words, at % self.words * 64 + word.trailing_zeros() as usize);
-        [x as i64, (row % self.dims[1]) as i64, (row / self.dims[1]) as i64]
+        let ([x, j, k], bit) = (self.place(at), word.trailing_zeros() as usize);
+        [(x + bit) as i64, j as i64, k as i64]
+    }
+
+    /// Returns the first voxel of a word.
+    fn place(&self, at: usize) -> [usize; 3] {
+        let (row, x) = (at / self.words, at % self.words * 64);
+        // Without members there are no rows.
+        let count = self.js.len().max(1);
+        [x, row % count + self.js.start, row / count + self.ks.start]
     }
 
     /// Calls `visit(number, voxel)` for every member in order.
     pub fn for_each(&self, mut visit: impl FnMut(usize, [usize; 3])) {
         let mut number = 0;
         for (at, &word) in self.bits.iter().enumerate() {
-            let (row, x) = (at / self.words, at % self.words * 64);
+            let [x, j, k] = self.place(at);
             each_bit(word, |b| {
-                visit(number, [x + b, row % self.dims[1], row / self.dims[1]]);
+                visit(number, [x + b, j, k]);
                 number += 1;
             });
         }
@@ -213,10 +274,16 @@ mod tests {
         #[test]
         fn is_a_list_of_flags(
             nx in prop::sample::select(vec![1usize, 3, 63, 64, 65, 130]), ny in 1usize..6, nz in 1usize..6,
-            seed: u64, share in 0.0f64..1.0, reach in 0usize..3,
+            seed: u64, share in 0.0f64..1.0, reach in 0usize..3, margin in prop::array::uniform2(0usize..4),
         ) {
             let dims = [nx, ny, nz];
-            let flags: Vec<bool> = (0..nx * ny * nz).map(|n| uniform(seed, n as u64) < share).collect();
+            // Rows before and after those of the members are not kept.
+            let is_amid = |n: usize| {
+                let (j, k) = (n / nx % ny, n / nx / ny);
+                j >= margin[0] && j + margin[1] < ny && k >= margin[1] && k + margin[0] < nz
+            };
+            let flags: Vec<bool> =
+                (0..nx * ny * nz).map(|n| is_amid(n) && uniform(seed, n as u64) < share).collect();
             let set = VoxelSet::from_fn(dims, |n| flags[n]).unwrap();
             let at = |n: usize| [(n % nx) as i64, (n / nx % ny) as i64, (n / nx / ny) as i64];
             let members: Vec<usize> = (0..flags.len()).filter(|&n| flags[n]).collect();
