@@ -12,6 +12,7 @@ use std::sync::Arc;
 
 use bevy_ecs::prelude::*;
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 
 use super::sight::{Eye, REACH, Sightline};
 use super::stretches::{INTO_GAS_MM, STRETCH_MM, stretches};
@@ -138,9 +139,10 @@ impl LiveCoverage {
     /// Begins with nothing seen of a wall of some gas.
     fn new(wall: Arc<Wall>, gas: Arc<Lumen>, along: CoarseAlong) -> Result<Self> {
         let patches = wall.patch_count();
-        let middles = (0..patches).map(|p| wall.middle(p)).map(|face| [face.centroid, face.normal]);
+        let each = || (0..patches).into_par_iter();
+        let middles = each().map(|p| wall.middle(p)).map(|face| [face.centroid, face.normal]);
         let middles: Vec<[Vec3; 2]> = middles.collect();
-        let mm2: Vec<f32> = (0..patches).map(|p| wall.triangles_of(p).map(|n| wall.face(n).mm2).sum()).collect();
+        let mm2: Vec<f32> = each().map(|p| wall.triangles_of(p).map(|n| wall.face(n).mm2).sum()).collect();
         let segment = |p: usize| {
             let [centroid, normal] = middles[p];
             gas.segment_at(wall.origin + centroid.as_dvec3() + normal.as_dvec3() * INTO_GAS_MM)
@@ -413,6 +415,9 @@ impl LiveCoverage {
 
     /// Returns the wall of some segments.
     pub fn wall_of(&self, segments: &[usize]) -> Wall {
+        if self.segments.iter().all(|&s| segments.contains(&usize::from(s))) {
+            return Wall::clone(&self.wall);
+        }
         let mut keeps = vec![false; self.wall.len()];
         for p in (0..self.wall.patch_count()).filter(|&p| segments.contains(&usize::from(self.segments[p]))) {
             keeps[self.wall.triangles_of(p)].fill(true);

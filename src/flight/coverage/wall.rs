@@ -103,8 +103,16 @@ impl Wall {
         };
         let mut order: Vec<(u64, u8, u32)> = triangles.par_iter().enumerate().map(key).collect();
         let vertices = |n: u32| triangles[n as usize];
-        order.par_sort_unstable_by(|a, b| (a.0, a.1).cmp(&(b.0, b.1)).then_with(|| vertices(a.2).cmp(&vertices(b.2))));
-        let sorted = order.par_iter().map(|o| vertices(o.2)).collect();
+        order.par_sort_unstable();
+        // Within a patch by their vertices, so that the order of the mesh makes no difference.
+        let is_patch = |a: &(u64, u8, u32), b: &(u64, u8, u32)| (a.0, a.1) == (b.0, b.1);
+        order.par_chunk_by_mut(is_patch).for_each(|patch| patch.sort_unstable_by_key(|o| vertices(o.2)));
+        // The keys are larger than the triangles.
+        let order: Vec<u32> = {
+            let keyed = order;
+            keyed.par_iter().map(|o| o.2).collect()
+        };
+        let sorted = order.par_iter().map(|&n| vertices(n)).collect();
         drop((order, triangles));
         Self::of_sorted(origin, places, sorted)
     }
@@ -202,7 +210,9 @@ impl Wall {
 
     /// Returns the area of the triangles that `which` is true for, mm².
     pub fn mm2_of(&self, which: impl Fn(usize) -> bool) -> f64 {
-        (0..self.len()).filter(|&n| which(n)).map(|n| self.mm2_at(n)).sum()
+        // Measured by all threads, summed in order.
+        let areas: Vec<f32> = (0..self.len()).into_par_iter().map(|n| self.face(n).mm2).collect();
+        areas.into_iter().enumerate().filter(|(n, _)| which(*n)).map(|(_, mm2)| f64::from(mm2)).sum()
     }
 
     /// Returns the area of a triangle, mm².
