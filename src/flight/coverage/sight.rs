@@ -97,10 +97,16 @@ impl Wall {
             let middle = low.midpoint(high);
             let mut near: Vec<&Eye> =
                 eyes.iter().filter(|e| e.at.distance_squared(e.at.clamp(low, high)) <= REACH * REACH).collect();
+            if near.is_empty() {
+                return Ok(());
+            }
             // The nearest is the most likely to see it. Sorted stably, so that it does not depend on the threads.
             near.sort_by(|a, b| a.at.distance_squared(middle).total_cmp(&b.at.distance_squared(middle)));
             let inside: Vec<[bool; 2]> =
                 near.iter().map(|e| [true, false].map(|ahead| sight.may_see_block(block, e, ahead))).collect();
+            if !inside.as_flattened().contains(&true) && !count {
+                return Ok(());
+            }
             let mut blocked = vec![f64::INFINITY; near.len()];
             let first = self.patches[self.blocks[block].first as usize].first as usize;
             // Each is tested from many views.
