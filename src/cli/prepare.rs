@@ -292,6 +292,8 @@ pub(crate) fn stats_head(timings: &Timings) -> Map<String, Value> {
     let total = |name: &str| timings.parts().iter().filter(|p| p.0 == name).map(|p| p.1).sum::<f64>();
     let parts = timings.parts().iter().map(|&(n, _)| (n.to_owned(), json!(total(n))));
     m.insert("prepare".to_owned(), Value::Object(parts.collect::<Map<_, _>>()));
+    let peaks = timings.peaks().iter().map(|&(n, bytes)| (n.trim_end_matches("_s").to_owned(), json!(bytes)));
+    m.insert("peak_by_stage_bytes".to_owned(), Value::Object(peaks.collect::<Map<_, _>>()));
     m
 }
 

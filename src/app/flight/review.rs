@@ -158,6 +158,7 @@ impl FlightApp {
         if let Some(walls) = setup.fields.walls().or_else(own) {
             return Ok(Arc::clone(walls));
         }
+        colvis_scan::memory::release();
         WallDistance::of_lumen(setup.volume.voxels(), gas, Through::Gas, &self.progress).map(Arc::new)
     }
 
