@@ -37,7 +37,7 @@ const ELSEWHERE: &[(&str, &str, &str)] = &[
     ("src/host/window/workspace.rs", "shown.panel.ui(", "inside a `catch` of several lines"),
     ("src/cli/candidates/gallery.rs", "renderer.render(", "always the default preset"),
     ("src/imaging/render/low.rs", "self.renderer.render(", "a renderer of a renderer"),
-    ("systems/raycast.rs", "picture.work = renderer.render(", "`trace` is called through one"),
+    ("systems/raycast.rs", "picture.work = awake(|| renderer.render(", "`trace` is called through one"),
     ("systems/looks/review.rs", "(way::LOOK.plug)(app)", "a look of this crate"),
     ("src/flight/schedule/guide.rs", "self.settings.cruise_mm_s(body)", "whoever calls `GuideEntry` has one"),
 ];

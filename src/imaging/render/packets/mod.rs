@@ -11,6 +11,7 @@ mod occupancy;
 mod packet;
 mod paint;
 mod picture;
+mod predict;
 mod rays;
 mod refine;
 mod sampling;

@@ -92,6 +92,44 @@ impl<'a> Canvas<'a> {
         );
     }
 
+    /// Fills those of sixteen blocks in a row whose bit is set like [`Canvas::blend`] does, with a lane for each block. Their light is that of
+    /// the rays of each block, in the order of the weights; the first block is at pixel `at`, and all are within the picture's width.
+    #[inline(always)]
+    pub(crate) fn blend_row<S: Simd, const N: usize>(
+        &mut self,
+        simd: S,
+        light: &[[f32x16<S>; 2]; N],
+        weights: &[[f32; SIDE * SIDE]; N],
+        which: u16,
+        [x, y]: [usize; 2],
+    ) {
+        for v in 0..SIDE {
+            let from = (y + v - self.top) * self.width;
+            let Some(row) = self.pixels.get_mut(from + x..from + self.width) else { return };
+            // No closures: they do not inherit the level's instructions.
+            let mut pixels = [i32x16::splat(simd, 0); SIDE];
+            for (u, pixel) in pixels.iter_mut().enumerate() {
+                let (mut bright, mut tone) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 0.0));
+                for ([b, t], weights) in light.iter().zip(weights) {
+                    let weight = f32x16::splat(simd, weights[SIDE * v + u]);
+                    bright += weight * *b;
+                    tone += weight * *t;
+                }
+                *pixel = packed_lanes(simd, bright, tone);
+            }
+            let [a, b, c, d] = pixels;
+            // Four pixels are three words.
+            let words = [(a | b << 24).to_array(), ((b >> 8) | c << 16).to_array(), ((c >> 16) | d << 8).to_array()];
+            for (n, out) in row.as_flattened_mut().chunks_exact_mut(3 * SIDE).take(16).enumerate() {
+                if which >> n & 1 == 1 {
+                    for (out, words) in out.chunks_exact_mut(4).zip(&words) {
+                        out.copy_from_slice(&words[n].to_le_bytes());
+                    }
+                }
+            }
+        }
+    }
+
     /// Like [`Canvas::blend`], with the colours that a custom shader has given to the rays.
     #[inline(never)]
     pub(crate) fn blend_colours<S: Simd, const N: usize>(
@@ -174,11 +212,17 @@ fn byte<S: Simd>(simd: S, packed: i32x16<S>, light: f32x16<S>) -> i32x16<S> {
 /// Returns red, green and blue in the lower three bytes.
 #[inline(always)]
 fn colours<S: Simd>(simd: S, bright: f32x16<S>, tone: f32x16<S>) -> [i32; SIDE * SIDE] {
+    packed_lanes(simd, bright, tone).to_array()
+}
+
+/// Same as [`colours`], as a vector.
+#[inline(always)]
+fn packed_lanes<S: Simd>(simd: S, bright: f32x16<S>, tone: f32x16<S>) -> i32x16<S> {
     let [base, top] = PALETTE;
     let mut packed = i32x16::splat(simd, 0);
     for channel in [2, 1, 0] {
         let slope = (top[channel] - base[channel]) / (PALETTE_HU[1] - PALETTE_HU[0]);
         packed = byte(simd, packed, bright * base[channel] + tone * slope);
     }
-    packed.to_array()
+    packed
 }

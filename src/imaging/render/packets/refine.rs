@@ -10,7 +10,7 @@ use fearless_simd::Simd;
 use super::cells::Cells;
 use super::paint::Canvas;
 use super::rays::Rays;
-use super::sampling::{Block, Point, Rgb, WEIGHTS};
+use super::sampling::{Block, ImageSamples, Point, Rgb, WEIGHTS};
 use super::subdivided::{MIDDLES, SUBDIVIDED_WEIGHTS, Subdivided, even_colours, in_rows};
 use crate::render::Work;
 use crate::render::renderer::SQUARE;
@@ -83,6 +83,23 @@ impl<'a, 'b> Band<'a, 'b> {
             None => self.canvas.blend(simd, block.points().map(|p| [p.bright, p.tone]), &WEIGHTS, at),
             Some(colours) => self.canvas.blend_colours(simd, colours, &WEIGHTS, at),
         }
+    }
+
+    /// Fills those of [`LANES`](super::sampling::LANES) smooth blocks in a row whose bit is set. Their rays are those from `block` on, whose top
+    /// left corner is at pixel `at`; no shader colours them.
+    #[inline(never)]
+    pub(crate) fn smooth_row<S: Simd>(
+        &mut self,
+        simd: S,
+        samples: &ImageSamples,
+        block: [usize; 2],
+        which: u16,
+        at: [usize; 2],
+    ) {
+        simd.vectorize(
+            #[inline(always)]
+            || self.canvas.blend_row(simd, &samples.lights(simd, block), &WEIGHTS, which, at),
+        );
     }
 
     /// Casts a ray for every pixel of a block. The rays must meet nothing before `start` steps.

@@ -23,8 +23,8 @@ use fearless_simd::{Simd, f32x16, prelude::*};
 use rayon::prelude::*;
 
 use super::cells::Colours;
+use super::predict::predicted;
 use super::rays::{PacketResult, SIDE};
-use super::wide::predicted;
 
 /// Side of a block, pixels.
 pub(crate) const BLOCK: usize = 4;
@@ -121,6 +121,21 @@ impl Points {
         [load(at), load(at + stride), load(at + 2 * stride)]
     }
 
+    /// Returns a field of [`LANES`] rays in a row from (`x`, `y`) on.
+    #[inline(always)]
+    fn field<S: Simd>(&self, simd: S, stride: usize, [x, y]: [usize; 2], field: usize) -> f32x16<S> {
+        let at = (self.fields * y + field) * stride + x;
+        f32x16::from_slice(simd, &self.values[at..at + LANES])
+    }
+
+    /// Returns the brightness and the tone of [`LANES`] rays in a row from (`x`, `y`) on.
+    #[inline(always)]
+    fn light<S: Simd>(&self, simd: S, stride: usize, [x, y]: [usize; 2]) -> [f32x16<S>; 2] {
+        let at = self.fields * stride * y + x;
+        let (bright, tone) = (&self.values[at + 2 * stride..], &self.values[at + 3 * stride..]);
+        [f32x16::from_slice(simd, &bright[..LANES]), f32x16::from_slice(simd, &tone[..LANES])]
+    }
+
     /// Returns a channel of the colours of [`LANES`] rays in a row from (`x`, `y`) on.
     #[inline(always)]
     fn load_channel<S: Simd>(&self, simd: S, stride: usize, [x, y]: [usize; 2], channel: usize) -> f32x16<S> {
@@ -188,6 +203,19 @@ impl ImageSamples {
         Block { corners, centre: self.centres.get(self.stride, [x, y]) }
     }
 
+    /// Returns brightness and tone of the rays of [`LANES`] blocks in a row from (`x`, `y`) on, in the order of [`Block::points`].
+    #[inline(always)]
+    pub(crate) fn lights<S: Simd>(&self, simd: S, [x, y]: [usize; 2]) -> [[f32x16<S>; 2]; 5] {
+        let corners = &self.corners;
+        [
+            corners.light(simd, self.stride, [x, y]),
+            corners.light(simd, self.stride, [x + 1, y]),
+            corners.light(simd, self.stride, [x, y + 1]),
+            corners.light(simd, self.stride, [x + 1, y + 1]),
+            self.centres.light(simd, self.stride, [x, y]),
+        ]
+    }
+
     /// Returns the colours of the block (`x`, `y`) in the order of [`Block::points`] if a custom shader gives them.
     #[inline(always)]
     pub(crate) fn colours(&self, [x, y]: [usize; 2]) -> Option<[Rgb; 5]> {
@@ -199,8 +227,9 @@ impl ImageSamples {
         self.has_colours().then(all)
     }
 
+    /// True if a custom shader has coloured the rays.
     #[inline(always)]
-    fn has_colours(&self) -> bool {
+    pub(crate) fn has_colours(&self) -> bool {
         self.corners.fields > FIELDS
     }
 
@@ -270,30 +299,33 @@ impl ImageSamples {
     #[inline(always)]
     fn predict_lanes<S: Simd>(&self, simd: S, [x, y]: [usize; 2], exists: bool, rows: &mut Rows<'_>, to: usize) {
         for field in 0..self.corners.fields {
-            let load = |points: &Points, x: usize, y: usize| {
-                let at = (points.fields * y + field) * self.stride + x;
-                f32x16::from_slice(simd, &points.values[at..at + LANES])
-            };
-            let a = load(&self.corners, x, y);
+            let (corners, centres, stride) = (&self.corners, &self.centres, self.stride);
+            let a = corners.field(simd, stride, [x, y], field);
             if !exists {
                 rows.spread(false, [to, field], x, &a.to_array(), None);
                 continue;
             }
-            let [b, c, d] = [[1, 0], [0, 1], [1, 1]].map(|[u, v]| load(&self.corners, x + u, y + v));
-            let e = load(&self.centres, x, y);
+            let b = corners.field(simd, stride, [x + 1, y], field);
+            let c = corners.field(simd, stride, [x, y + 1], field);
+            let d = corners.field(simd, stride, [x + 1, y + 1], field);
+            let e = centres.field(simd, stride, [x, y], field);
             // Without a block there, what is predicted is not used.
-            let up = y.saturating_sub(1);
-            let above = [load(&self.centres, x, up), load(&self.corners, x, up), load(&self.corners, x + 1, up)];
-            let shifted = |points: &Points, y: usize, own: f32x16<S>| match x {
-                0 => {
-                    let own = own.to_array();
-                    let lanes: [f32; 16] = std::array::from_fn(|n| own[n.saturating_sub(1)]);
-                    lanes.simd_into(simd)
-                }
-                _ => load(points, x - 1, y),
-            };
-            let left = [shifted(&self.centres, y, e), shifted(&self.corners, y, a), shifted(&self.corners, y + 1, c)];
-            let [top, side, q0, q1, q2, q3] = predicted([a, b, c, d, e], above, left).map(|v| v.to_array());
+            let (up, before) = (y.saturating_sub(1), x.saturating_sub(1));
+            let above = [
+                centres.field(simd, stride, [x, up], field),
+                corners.field(simd, stride, [x, up], field),
+                corners.field(simd, stride, [x + 1, up], field),
+            ];
+            let mut left = [
+                centres.field(simd, stride, [before, y], field),
+                corners.field(simd, stride, [before, y], field),
+                corners.field(simd, stride, [before, y + 1], field),
+            ];
+            if x == 0 {
+                left = [shifted(simd, left[0]), shifted(simd, left[1]), shifted(simd, left[2])];
+            }
+            let all = predicted([a, b, c, d, e], above, left);
+            let [top, side, q0, q1, q2, q3] = all.map(|v| v.to_array());
             rows.spread(false, [to, field], x, &a.to_array(), Some(&top));
             rows.spread(false, [to + 1, field], x, &side, Some(&e.to_array()));
             rows.spread(true, [to, field], x, &q0, Some(&q1));
@@ -305,6 +337,15 @@ impl ImageSamples {
     pub(crate) fn bytes(&self) -> usize {
         size_of::<f32>() * (self.corners.values.len() + self.centres.values.len() + self.starts.len())
     }
+}
+
+/// Returns the lanes one place further on.
+#[inline(always)]
+fn shifted<S: Simd>(simd: S, values: f32x16<S>) -> f32x16<S> {
+    let values = values.to_array();
+    let mut out = values;
+    out[1..].copy_from_slice(&values[..LANES - 1]);
+    f32x16::load_array_ref(simd, &out)
 }
 
 /// A value at the corners (a and b above c and d) and at the centre of blocks. Has methods because closures do not
