@@ -121,6 +121,7 @@ fn open_by(input: Option<&Path>, global: &Global, options: &OpenOptions) -> Resu
 }
 
 /// Like [`open`], and leaves the notes to the caller.
+#[cfg(feature = "window")]
 pub(crate) fn open_unsaid(
     input: Option<&Path>,
     global: &Global,
