@@ -37,7 +37,8 @@ impl Timings {
         &self.parts
     }
 
-    /// Returns the peak of the process' resident memory up to the end of each part, bytes. Empty if the system does not report it.
+    /// Returns the peak of the process' resident memory when each part was noted, bytes: at its end, or later for a part that ran elsewhere.
+    /// Empty if the system does not report it.
     pub fn peaks(&self) -> &[(&'static str, u64)] {
         &self.peaks
     }

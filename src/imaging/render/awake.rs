@@ -26,7 +26,10 @@ pub fn awake<T>(work: impl FnOnce() -> T) -> T {
             look(&seen);
         }
     });
-    work()
+    let made = work();
+    // Takes this thread's own part, which would wait for a frame in which it has to wait itself.
+    rayon::yield_local();
+    made
 }
 
 struct Done(Arc<AtomicBool>);
