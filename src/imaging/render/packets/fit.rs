@@ -35,11 +35,10 @@ pub(crate) fn gradients<S: Simd>(
     }
     let mut g = [zero; 3];
     for (x, z) in along_z.into_iter().enumerate() {
-        let part = |of: usize| parts([z[0][of], z[1][of], z[2][of], z[3][of]], ty);
-        // Named by the part along z, then along y.
-        let [cc, ce, co] = part(0);
-        let [ec, ee, eo] = part(1);
-        let [oc, oe, _] = part(2);
+        // Named by the part along z, then along y. Not with closures: they do not inherit the level's instructions.
+        let [cc, ce, co] = parts([z[0][0], z[1][0], z[2][0], z[3][0]], ty);
+        let [ec, ee, eo] = parts([z[0][1], z[1][1], z[2][1], z[3][1]], ty);
+        let [oc, oe, _] = parts([z[0][2], z[1][2], z[2][2], z[3][2]], ty);
         // This voxel's coefficients in c, e and o along x.
         let (c, e, o) = match x {
             0 => (zero, sx, zero - sx),
@@ -47,12 +46,9 @@ pub(crate) fn gradients<S: Simd>(
             2 => (tx, sx, sx),
             _ => (zero, tx, tx),
         };
-        let pair = |u: f32x16<S>, v: f32x16<S>, k: &[[f32; 2]; 2]| {
-            c * (u * k[0][0] + v * k[0][1]) + e * (u * k[1][0] + v * k[1][1])
-        };
         g[0] += o * (cc * a[0][0] + ce * a[0][1] + ec * a[1][0] + ee * a[1][1]);
-        g[1] += pair(co, eo, b);
-        g[2] += pair(oc, oe, of_c);
+        g[1] += c * (co * b[0][0] + eo * b[0][1]) + e * (co * b[1][0] + eo * b[1][1]);
+        g[2] += c * (oc * of_c[0][0] + oe * of_c[0][1]) + e * (oc * of_c[1][0] + oe * of_c[1][1]);
     }
     g
 }

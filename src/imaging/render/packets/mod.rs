@@ -91,8 +91,8 @@ pub struct PacketRenderer {
     waves: f32,
     /// A cache for each thread. Its entries depend on the volume alone.
     cells: Arc<[Mutex<Cells>]>,
-    /// Of wide blocks, and of the picture's.
-    samples: [ImageSamples; 2],
+    /// Of the widest blocks to the picture's.
+    samples: Vec<ImageSamples>,
     level: Level,
     /// The shader that takes the headlight's place.
     shader: Option<Arc<dyn Shader>>,

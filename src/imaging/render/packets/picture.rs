@@ -11,7 +11,7 @@ use super::paint::Canvas;
 use super::rays::{Rays, SIDE};
 use super::refine::Band;
 use super::sampling::{BLOCK, ImageSamples, LANES};
-use super::wide::{self, WIDE};
+use super::wide;
 use crate::render::renderer::SQUARE;
 use crate::render::{Shader, View, Work};
 
@@ -114,12 +114,12 @@ pub(crate) fn squares_of(
     bands.reduce(Work::default, |a, b| a + b)
 }
 
-/// Casts rays where they are needed: those of `samples`, and more where these are not enough.
+/// Casts rays where they are needed: those of `levels`, from the widest blocks to the picture's, and more where these are not enough.
 ///
 /// Casts a ray for every pixel if it is unknown how far apart neighbouring rays are, or how a shader colours what lies
 /// between them: it is not [smooth](crate::render::Shader::is_smooth).
 pub(crate) fn needed(
-    [wide, samples]: &mut [ImageSamples; 2],
+    levels: &mut Vec<ImageSamples>,
     rays: &Rays<'_>,
     view: &View,
     pixels: &mut [[u8; 3]],
@@ -131,29 +131,37 @@ pub(crate) fn needed(
     };
     let width = view.width();
     let own_colours = rays.shader.is_some();
-    wide.resize([width, view.height()], WIDE, own_colours);
-    samples.resize([width, view.height()], BLOCK, own_colours);
-    let blocks = [width, view.height()].map(|s| s.div_ceil(BLOCK));
-    let far = wide.rows().enumerate().with_max_len(1).map(|(n, mut rows)| {
+    let doublings = wide::doublings(turn);
+    levels.resize_with(doublings + 1, ImageSamples::default);
+    let side = |n: usize| BLOCK << (doublings - n);
+    let blocks = |n: usize| [width, view.height()].map(|s| s.div_ceil(side(n)));
+    for (n, level) in levels.iter_mut().enumerate() {
+        level.resize([width, view.height()], side(n), own_colours);
+    }
+    let far = levels[0].rows().enumerate().with_max_len(1).map(|(n, mut rows)| {
         with_cells(cells, |cells| {
             let mut work = Work::default();
-            on_level!(level, simd => work = wide::cast(simd, rays, cells, &mut rows, n, blocks));
+            on_level!(level, simd => work = wide::cast(simd, rays, cells, &mut rows, n, (side(0), blocks(0))));
             work
         })
     });
-    let far = far.reduce(Work::default, |a, b| a + b);
-    let wide = (&*wide, turn * WIDE as f32);
-    let first = samples.rows().enumerate().with_max_len(1).map(|(n, mut rows)| {
-        with_cells(cells, |cells| {
-            let mut work = Work::default();
-            on_level!(level, simd => work = wide::fill(simd, rays, cells, wide, &mut rows, n, blocks));
-            work
-        })
-    });
-    let first = first.reduce(Work::default, |a, b| a + b);
-    let samples = &*samples;
+    let mut first = far.reduce(Work::default, |a, b| a + b);
+    for n in 1..levels.len() {
+        let (wide, narrow) = levels.split_at_mut(n);
+        let wide = (&wide[n - 1], turn * side(n - 1) as f32);
+        let own = (side(n), blocks(n));
+        let more = narrow[0].rows().enumerate().with_max_len(1).map(|(n, mut rows)| {
+            with_cells(cells, |cells| {
+                let mut work = Work::default();
+                on_level!(level, simd => work = wide::fill(simd, rays, cells, wide, &mut rows, n, own));
+                work
+            })
+        });
+        first = first + more.reduce(Work::default, |a, b| a + b);
+    }
+    let samples = &levels[doublings];
     let side = turn * BLOCK as f32;
-    let blocks = blocks[0];
+    let blocks = blocks(doublings)[0];
     let bands = pixels.par_chunks_mut(width * BLOCK * ROWS).enumerate().with_max_len(1).map(|(n, band)| {
         with_cells(cells, |cells| {
             let mut work = Work::default();
@@ -197,5 +205,5 @@ pub(crate) fn needed(
             work
         })
     });
-    far + first + bands.reduce(Work::default, |a, b| a + b)
+    first + bands.reduce(Work::default, |a, b| a + b)
 }

@@ -13,7 +13,7 @@
 //! Between the corners values are bilinear, plus a tent over the centre for its difference: blocks meet without a seam. A block
 //! that is nearly smooth is divided into quarters ([`subdivided`](super::subdivided)). Everywhere else each pixel gets its own ray.
 //!
-//! Not all of these rays are cast: where blocks twice as wide are smooth, theirs predict the others ([`wide`](super::wide)).
+//! Not all of these rays are cast: where wider blocks are smooth, theirs predict the others ([`wide`](super::wide)).
 //!
 //! A custom shader that calls itself smooth ([`Shader::is_smooth`](crate::render::Shader::is_smooth)) has its colours
 //! interpolated in the same way. Each of its channels must then meet the conditions for brightness, too, in addition to

@@ -1,8 +1,9 @@
 //! Rays that need not be cast: what rays twice as far apart predict.
 //!
-//! First, rays are cast through the corners and the centres of blocks twice as wide as those of the picture. Where such a block is smooth
+//! First, rays are cast through the corners and the centres of blocks that are wider than those of the picture. Where such a block is smooth
 //! ([`ImageSamples::judge`]; its rays are no farther apart than the finest waves that the scan can hold), they predict the remaining rays of
-//! the picture's blocks ([`predict`](super::predict)). All others are cast. What follows does not know which were.
+//! blocks half as wide ([`predict`](super::predict)). All others are cast. This is repeated down to the picture's blocks. What
+//! follows does not know which rays were cast.
 
 use std::array::from_fn;
 
@@ -14,10 +15,21 @@ use super::rays::{PacketResult, Rays, SIDE, paired};
 use super::sampling::{self, BLOCK, ImageSamples, LANES};
 use crate::render::Work;
 
-/// Side of a wide block, pixels.
-pub(super) const WIDE: usize = 2 * BLOCK;
+/// The largest angle that the side of the widest blocks may cover, radians, unless they are [`LEAST`]. Wider ones are rarely smooth: in flights
+/// of 512², 1024² and 2048² pixels, blocks of 8, 16 and 32 pixels were as fast as any or faster.
+const ANGLE: f32 = 0.04;
+/// The side of the picture's blocks is doubled at least and at most this often.
+const LEAST: usize = 1;
+const MOST: usize = 4;
 
-/// Casts the corners and centres of four rows of wide blocks, the `n`th four of the picture, which has `blocks` of its own across and down.
+/// Returns how often the side of the picture's blocks is doubled for the widest ones, if the directions of neighbouring pixels differ by
+/// `turn`, radians.
+pub(super) fn doublings(turn: f32) -> usize {
+    (0..MOST).take_while(|n| turn * ((2 * BLOCK) << n) as f32 <= ANGLE).count().max(LEAST)
+}
+
+/// Casts the corners and centres of four rows of the widest blocks, the `n`th four of the picture. Their side is `block` pixels, and there are so
+/// many of them across and down.
 #[inline(always)]
 pub(super) fn cast<S: Simd>(
     simd: S,
@@ -25,27 +37,24 @@ pub(super) fn cast<S: Simd>(
     cells: &mut Cells,
     rows: &mut sampling::Rows<'_>,
     n: usize,
-    blocks: [usize; 2],
+    (block, [across, down]): (usize, [usize; 2]),
 ) -> Work {
     let mut work = Work::default();
-    let [across, down] = blocks.map(|b| b.div_ceil(2));
     let within = |first: usize, count: usize| (count.saturating_sub(first)).min(SIDE) as u64;
     for packet in 0..rows.packets() {
-        let [x, y] = [packet * SIDE * WIDE, n * SIDE * WIDE];
+        let [x, y] = [packet * SIDE * block, n * SIDE * block];
         let corner = [x as f32, y as f32];
         // The rays through the middles of blocks' sides are up to half a pixel farther out.
-        let start = rays.start(simd, corner, [(SIDE * WIDE + 1) as f32; 2], 0.0);
+        let start = rays.start(simd, corner, [(SIDE * block + 1) as f32; 2], 0.0);
         // Two rows of corners with their centres: rays that are close meet the wall after as many steps.
         let halves: [_; 2] = from_fn(|half| {
-            let top = y + half * (SIDE / 2) * WIDE;
-            if top / WIDE > down {
+            let top = y + half * (SIDE / 2) * block;
+            if top / block > down {
                 return (PacketResult::default(), None);
             }
-            let size = [SIDE * WIDE + 1, SIDE / 2 * WIDE + 1].map(|s| s as f32);
-            let start = rays.start(simd, [x as f32, top as f32], size, start);
             let pixel = |n: usize| {
-                let (n, middle) = (n % 8, n / 8 * (WIDE / 2));
-                [x + n % SIDE * WIDE + middle, top + n / SIDE * WIDE + middle]
+                let (n, middle) = (n % 8, n / 8 * (block / 2));
+                [x + n % SIDE * block + middle, top + n / SIDE * block + middle]
             };
             let light = rays.cast(simd, pixel, start, cells);
             (light, rays.colours(cells).copied())
@@ -64,8 +73,8 @@ pub(super) fn cast<S: Simd>(
     work
 }
 
-/// Fills four rows of blocks, the `n`th four of the picture, which has `blocks` across and down, from the rays of wide blocks, whose side
-/// at distance 1 is `side`.
+/// Fills four rows of blocks with a side of `block` pixels, the `n`th four of the picture, which has `blocks` across and down, from the rays of
+/// blocks twice as wide, whose side at distance 1 is `side`.
 #[inline(always)]
 pub(super) fn fill<S: Simd>(
     simd: S,
@@ -74,11 +83,11 @@ pub(super) fn fill<S: Simd>(
     (wide, side): (&ImageSamples, f32),
     rows: &mut sampling::Rows<'_>,
     n: usize,
-    blocks: [usize; 2],
+    (block, blocks): (usize, [usize; 2]),
 ) -> Work {
     let [across, down] = blocks;
     let [wide_across, wide_down] = blocks.map(|b| b.div_ceil(2));
-    let mut waiting = Waiting { places: [Place::default(); 16], len: 0, work: Work::default() };
+    let mut waiting = Waiting { places: [Place::default(); 16], len: 0, block, work: Work::default() };
     // The verdicts on the rows of wide blocks here, and on the one above.
     let y = [0, 1].map(|half| n * SIDE / 2 + half);
     let mut before = [0; 2];
@@ -94,12 +103,13 @@ pub(super) fn fill<S: Simd>(
         for pair in 0..LANES / 2 {
             let packet = first / 2 + pair;
             if packet < rows.packets() {
-                let at = [packet * SIDE * BLOCK, n * SIDE * BLOCK];
-                let from = wide.start(at.map(|c| c / WIDE));
+                let at = [packet * SIDE, n * SIDE];
+                let from = wide.start(at.map(|c| c / 2));
                 // Where nothing is left to cast, nobody asks.
-                let size = [(SIDE * BLOCK + 1) as f32; 2];
+                let size = [(SIDE * block + 1) as f32; 2];
                 let is_done = both >> (2 * pair) & 3 == 3;
-                rows.set_start(packet, if is_done { from } else { rays.start(simd, at.map(|c| c as f32), size, from) });
+                let at = at.map(|c| (c * block) as f32);
+                rows.set_start(packet, if is_done { from } else { rays.start(simd, at, size, from) });
             }
         }
         for half in 0..2 {
@@ -145,6 +155,8 @@ struct Place {
 struct Waiting {
     places: [Place; 16],
     len: usize,
+    /// Side of a block, pixels.
+    block: usize,
     work: Work,
 }
 
@@ -171,9 +183,10 @@ impl Waiting {
         let places = &self.places[..self.len];
         // Unneeded lanes repeat the last one.
         let place = |lane: usize| places[lane.min(places.len() - 1)];
+        let block = self.block;
         let pixel = |lane: usize| {
             let Place { at, is_centre } = place(lane);
-            at.map(|c| c * BLOCK + if is_centre { BLOCK / 2 } else { 0 })
+            at.map(|c| c * block + if is_centre { block / 2 } else { 0 })
         };
         let start = places.iter().map(|p| rows.start(p.at[0] / SIDE)).fold(f32::INFINITY, f32::min);
         let light = rays.cast(simd, pixel, start, cells);
@@ -192,10 +205,21 @@ mod tests {
 
     use glam::{DMat3, DVec3};
 
+    use super::{MOST, doublings};
     use crate::render::packets::{PacketRenderer, Pixels};
     use crate::render::{Frame, Renderer, Settings, View};
     use crate::space::{PreparedVolume, TransferFunction};
     use crate::volume::{Grid, Volume};
+
+    /// Blocks are widest where pixels are narrow: a picture of 90° has blocks of 8, 16 and 32 pixels from 512, 1024 and 2048 pixels on.
+    #[test]
+    fn the_widest_blocks_cover_the_same_angle() {
+        for (size, times) in [(100, 1), (512, 1), (1024, 2), (2048, 3), (4096, 4), (1 << 20, MOST)] {
+            assert_eq!(doublings(2.0 / size as f32), times, "{size}");
+        }
+        assert_eq!(doublings(0.0), MOST);
+        assert_eq!(doublings(f32::INFINITY), 1);
+    }
 
     /// Pictures of any size, after larger ones of something else, are those of a new renderer, and close to those with a ray for every
     /// pixel.
@@ -209,14 +233,26 @@ mod tests {
         };
         let volume = Volume::new(grid.clone(), (0..grid.len()).map(value).collect());
         let volume = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
-        let view = |width, height, toward| {
-            View::new(DVec3::new(24.0, 22.0, 23.0), toward, DVec3::Z, 95.0, width, height).unwrap()
+        let view = |[width, height]: [usize; 2], toward, angle| {
+            View::new(DVec3::new(24.0, 22.0, 23.0), toward, DVec3::Z, angle, width, height).unwrap()
         };
         let mut used = PacketRenderer::new(&volume, Settings::default(), Pixels::Needed);
         let mut all = PacketRenderer::new(&volume, Settings::default(), Pixels::All);
-        for [width, height] in [[1, 1], [3, 8], [8, 3], [16, 17], [24, 24], [33, 40], [63, 31], [97, 66], [131, 129]] {
-            used.render(&view(200, 180, DVec3::NEG_X), &mut Frame::default());
-            let view = view(width, height, DVec3::new(1.0, 0.4, -0.2));
+        // The narrower the view, the wider the widest blocks.
+        for ([width, height], angle) in [
+            ([1, 1], 95.0),
+            ([3, 8], 10.0),
+            ([8, 3], 95.0),
+            ([16, 17], 1.0),
+            ([24, 24], 95.0),
+            ([33, 40], 3.0),
+            ([63, 31], 12.0),
+            ([97, 66], 95.0),
+            ([131, 129], 1.5),
+            ([200, 149], 30.0),
+        ] {
+            used.render(&view([200, 180], DVec3::NEG_X, 95.0), &mut Frame::default());
+            let view = view([width, height], DVec3::new(1.0, 0.4, -0.2), angle);
             let (mut a, mut b, mut c) = (Frame::default(), Frame::default(), Frame::default());
             used.render(&view, &mut a);
             PacketRenderer::new(&volume, Settings::default(), Pixels::Needed).render(&view, &mut b);
