@@ -105,6 +105,7 @@ impl ImageRequest<'_> {
         frame: &mut Frame,
     ) -> Work {
         let Self { volume, view, settings } = *self;
+        volume.fill_flags();
         let step = Step::new(volume, settings.step_power);
         let caster = Caster {
             request: *self,

@@ -86,6 +86,7 @@ pub struct GradientVolume {
 impl GradientVolume {
     /// Computes the stored voxels of `volume`, as `sampler` sees them, in parallel.
     pub fn new<S: VoxelSampler>(sampler: &S, volume: &PreparedVolume, stored: Stored) -> Self {
+        volume.fill_flags();
         let dims = volume.voxels().grid().dims();
         // Voxels −1 to n of each axis: those at the border have gradients too.
         let bricks = dims.map(|n| (n + 2).div_ceil(EDGE));

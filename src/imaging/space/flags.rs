@@ -11,6 +11,8 @@
 //! These bricks of 8³ serve single rays, which check the voxel's own flag between them. Packets have separate bricks of 4³
 //! (`render::packets`), since sixteen rays at once can afford neither the wider margin nor a check of single voxels.
 
+use std::sync::OnceLock;
+
 use rayon::prelude::*;
 
 use crate::volume::{AIR_HU, Volume};
@@ -28,8 +30,10 @@ pub struct Flags {
     dims: [usize; 3],
     /// 64-bit words in a row of flags.
     words: usize,
-    /// One bit per voxel; empty if only bricks are kept.
-    bits: Vec<u64>,
+    /// True if there is to be a bit per voxel.
+    has_bits: bool,
+    /// One bit per voxel, once [`Flags::fill`] was called.
+    bits: OnceLock<Vec<u64>>,
     classes: Classes,
     bricks: [usize; 3],
     empty: Vec<bool>,
@@ -45,20 +49,29 @@ struct Classes {
 impl Flags {
     /// Computes the flags of `volume` for the classes of `wall`, in parallel.
     pub fn new(volume: &Volume, wall: TransferFunction) -> Self {
-        let mut flags = Self::unfilled(volume, wall);
-        let (words, bricks) = (flags.words, flags.bricks);
-        let plane = words * flags.dims[1];
-        flags.bits = vec![0u64; plane * flags.dims[2]];
-        flags.bits.par_chunks_mut(plane * SLAB).enumerate().for_each(|(n, slab)| {
-            flag_slab(volume, flags.classes, n * SLAB, words, slab);
-        });
-        let mut empty = vec![false; bricks.iter().product()];
-        empty.par_chunks_mut(bricks[0]).enumerate().for_each_init(
-            || vec![0; words],
-            |all, (n, row)| flags.empty_bricks(volume, (&flags.bits, 0), [n % bricks[1], n / bricks[1]], all, row),
-        );
-        flags.empty = empty;
+        let flags = Self::deferred(volume, wall);
+        flags.fill(volume);
         flags
+    }
+
+    /// Computes the bricks, and leaves the bits to [`Flags::fill`]: only renderers that cast single rays look at them, and many
+    /// flights draw nothing.
+    pub(crate) fn deferred(volume: &Volume, wall: TransferFunction) -> Self {
+        Self { has_bits: true, ..Self::bricks_only(volume, wall) }
+    }
+
+    /// Computes the bits if there are to be some and they are missing. `volume` must be the one that was flagged.
+    pub(crate) fn fill(&self, volume: &Volume) {
+        if !self.has_bits || self.bits.get().is_some() {
+            return;
+        }
+        let plane = self.words * self.dims[1];
+        let mut bits = vec![0u64; plane * self.dims[2]];
+        bits.par_chunks_mut(plane * SLAB).enumerate().for_each(|(n, slab)| {
+            flag_slab(volume, self.classes, n * SLAB, self.words, slab);
+        });
+        // Not within the lock: while the pass waits for its threads, this one may take over work that fills the same flags.
+        _ = self.bits.set(bits);
     }
 
     /// Computes the same bricks without the bits: 1/512 byte per voxel instead of 1/8. At no time does it hold more
@@ -87,20 +100,21 @@ impl Flags {
         let classes = Classes { lo: wall.lo().floor() as i16, hi: wall.hi().ceil() as i16 };
         let dims = volume.grid().dims();
         let bricks = dims.map(|n| (n + 1).div_ceil(1 << BRICK_SHIFT));
-        Self { dims, words: dims[0].div_ceil(64), bits: Vec::new(), classes, bricks, empty: Vec::new() }
+        let (words, bits) = (dims[0].div_ceil(64), OnceLock::new());
+        Self { dims, words, has_bits: false, bits, classes, bricks, empty: Vec::new() }
     }
 
-    /// Returns true if there is a bit for each voxel.
+    /// Returns true if there is a bit for each voxel, or will be once a renderer looks at it.
     pub fn has_bits(&self) -> bool {
-        !self.bits.is_empty()
+        self.has_bits
     }
 
     /// Returns true if the neighbourhood of voxel (`i`, `j`, `k`) is entirely in one class. `volume` must be the one
     /// that was flagged.
     #[inline]
     pub fn homogeneous(&self, volume: &Volume, i: usize, j: usize, k: usize) -> bool {
-        match self.bits.get((k * self.dims[1] + j) * self.words + i / 64) {
-            Some(word) => word >> (i % 64) & 1 != 0,
+        match self.bits.get() {
+            Some(bits) => bits[(k * self.dims[1] + j) * self.words + i / 64] >> (i % 64) & 1 != 0,
             None => self.look(volume, [i, j, k].map(|c| c as i64)),
         }
     }
@@ -134,7 +148,7 @@ impl Flags {
 
     /// Returns the memory of all flags, bytes.
     pub fn bytes(&self) -> usize {
-        size_of_val(self.bits.as_slice()) + size_of_val(self.empty.as_slice())
+        self.bits.get().map_or(0, |bits| size_of_val(bits.as_slice())) + size_of_val(self.empty.as_slice())
     }
 
     /// Finds the empty bricks of a whole row at once.
@@ -324,11 +338,18 @@ mod tests {
             });
             let flags = Flags::new(&v, wall);
             let bare = Flags::bricks_only(&v, wall);
-            prop_assert!(!bare.has_bits() && bare.empty == flags.empty);
+            let deferred = Flags::deferred(&v, wall);
+            prop_assert!(!bare.has_bits() && bare.empty == flags.empty && deferred.empty == flags.empty);
+            prop_assert!(deferred.has_bits() && deferred.bytes() == bare.bytes());
             for k in 0..nz { for j in 0..ny { for i in 0..nx {
                 prop_assert_eq!(flags.homogeneous(&v, i, j, k), naive(&v, wall, i, j, k), "{} {} {}", i, j, k);
                 prop_assert_eq!(bare.homogeneous(&v, i, j, k), flags.homogeneous(&v, i, j, k));
+                prop_assert_eq!(deferred.homogeneous(&v, i, j, k), flags.homogeneous(&v, i, j, k));
             }}}
+            deferred.fill(&v);
+            prop_assert_eq!(deferred.bits.get(), flags.bits.get());
+            bare.fill(&v);
+            prop_assert!(bare.bits.get().is_none());
             for n in 0..flags.empty.len() {
                 let [bx, by, _] = flags.bricks;
                 let b = [n % bx, n / bx % by, n / bx / by];

@@ -19,9 +19,10 @@ pub struct PreparedVolume {
 }
 
 impl PreparedVolume {
-    /// Prepares `volume` for rays that see it through `transfer`, in one parallel pass over the voxels.
+    /// Prepares `volume` for rays that see it through `transfer`, in one parallel pass over the voxels. The bit for each voxel is left
+    /// to the first renderer that looks at it.
     pub fn new(volume: Arc<Volume>, transfer: TransferFunction) -> Self {
-        let flags = Arc::new(Flags::new(&volume, transfer));
+        let flags = Arc::new(Flags::deferred(&volume, transfer));
         Self { volume, transfer, flags, surround: Arc::default() }
     }
 
@@ -62,6 +63,12 @@ impl PreparedVolume {
     /// Returns the flags that show where rays may leap.
     pub fn flags(&self) -> &Flags {
         &self.flags
+    }
+
+    /// Computes the bit for each voxel, if the volume is prepared to have one and nobody has done so, in one parallel pass over the
+    /// voxels. Without it, the flags are the same and cost 27 voxels each.
+    pub(crate) fn fill_flags(&self) {
+        self.flags.fill(&self.volume);
     }
 
     /// Returns how much matter surrounds a place; `None` for a volume that has no room for cells. The first call makes it, in

@@ -15,6 +15,7 @@ use crate::report::flight::Stop;
 use crate::report::methods::{PREPARATIONS, Preparation, Role};
 use crate::report::{mean, median};
 use crate::space::PreparedVolume;
+use crate::space::flags::Flags;
 
 use super::recount::{Recount, recount};
 use super::worth::Variant;
@@ -103,7 +104,8 @@ fn costs(volume: &PreparedVolume, preparations: &[Preparation], progress: &Progr
 /// Returns the share of voxels near a wall, whose neighbourhood is not all of one class.
 fn near_wall(volume: &PreparedVolume) -> f64 {
     let [nx, ny, nz] = volume.voxels().grid().dims();
-    let row = |j: usize, k: usize| (0..nx).filter(|&i| !volume.flags().homogeneous(volume.voxels(), i, j, k)).count();
+    let flags = Flags::new(volume.voxels(), volume.transfer());
+    let row = |j: usize, k: usize| (0..nx).filter(|&i| !flags.homogeneous(volume.voxels(), i, j, k)).count();
     let count: usize = (0..nz).map(|k| (0..ny).map(|j| row(j, k)).sum::<usize>()).sum();
     count as f64 / volume.voxels().grid().len() as f64
 }
