@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use colvis::fields::voxels::VoxelSet;
+use colvis::fields::voxels::VoxelBits;
 use colvis::phantom::{Phantom, PhantomSettings, Size};
 use colvis::progress::Progress;
 use colvis::volume::io;
@@ -39,7 +39,7 @@ fn the_wall_of_a_phantom_is_its_soft_tissue() {
         // Only unlabelled voxels are marked, and no lumen is left without a wall.
         let [nx, ny, nz] = grid.dims();
         // There is no wall farther than five millimetres from the lumen.
-        let near = VoxelSet::from_fn(grid.dims(), |n| plain[n] != 0).unwrap().dilated(6).unwrap();
+        let near = VoxelBits::from_fn(grid.dims(), |n| plain[n] != 0).dilated(6);
         let steps = [1, nx, nx * ny];
         let (mut wall, mut agree, mut either) = (0, 0, 0);
         for n in 0..marked.len() {

@@ -4,8 +4,6 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use rayon::prelude::*;
-
 /// The neighbours of each node, as compressed rows.
 #[derive(Clone, Debug, Default)]
 pub(in crate::fields) struct Neighbours {
@@ -34,18 +32,44 @@ struct Tree {
 }
 
 impl Neighbours {
-    /// Creates the neighbours of `count` nodes from pairs in both directions, in any order, with or without duplicates.
-    pub(crate) fn new(count: usize, mut pairs: Vec<(u32, u32)>) -> Self {
-        pairs.par_sort_unstable();
-        pairs.dedup();
+    /// Creates the neighbours of `count` nodes from links, each in either direction, in any order, with or without duplicates.
+    pub(crate) fn new(count: usize, links: &[(u32, u32)]) -> Self {
+        // Each list is counted, then filled. Sorted pairs in both directions would be the largest part of a map while it is made.
         let mut first = vec![0; count + 1];
-        for p in &pairs {
-            first[p.0 as usize + 1] += 1;
+        for &(a, b) in links {
+            first[a as usize + 1] += 1;
+            first[b as usize + 1] += 1;
         }
         for n in 0..count {
             first[n + 1] += first[n];
         }
-        Self { first, nodes: pairs.into_iter().map(|p| p.1).collect() }
+        let mut nodes = vec![0; first[count] as usize];
+        let mut next = first.clone();
+        for &(a, b) in links {
+            for (of, m) in [(a, b), (b, a)] {
+                let at = &mut next[of as usize];
+                nodes[*at as usize] = m;
+                *at += 1;
+            }
+        }
+        drop(next);
+        let (mut from, mut kept) = (0, 0);
+        for n in 0..count {
+            let to = first[n + 1] as usize;
+            nodes[from..to].sort_unstable();
+            first[n] = kept as u32;
+            for m in from..to {
+                if m == from || nodes[m] != nodes[kept - 1] {
+                    nodes[kept] = nodes[m];
+                    kept += 1;
+                }
+            }
+            from = to;
+        }
+        first[count] = kept as u32;
+        nodes.truncate(kept);
+        nodes.shrink_to_fit();
+        Self { first, nodes }
     }
 
     /// Returns the neighbours of a node, ascending.
@@ -135,8 +159,8 @@ mod tests {
 
     /// A row of nodes 1 mm apart, and an isolated node.
     fn row(count: u32) -> Neighbours {
-        let pairs = (1..count).flat_map(|n| [(n - 1, n), (n, n - 1), (n - 1, n)]).collect();
-        Neighbours::new(count as usize + 1, pairs)
+        let links: Vec<_> = (1..count).flat_map(|n| [(n - 1, n), (n, n - 1), (n - 1, n)]).collect();
+        Neighbours::new(count as usize + 1, &links)
     }
 
     fn apart(a: u32, b: u32) -> f64 {

@@ -1,17 +1,17 @@
-//! A set of numbered voxels. Fields over the lumen store one value for each member.
+//! Sets of voxels, and of numbered voxels. Fields over the lumen store one value for each member.
 //!
-//! The set has one bit for each voxel of the grid, with rows padded to whole words, and the number of members before each word. One
-//! look-up in each and a bit count give a member's number (a rank dictionary, Jacobson 1989). Rows beyond the first and last members
-//! along y and z are not kept. A field therefore costs its values plus an eighth of a byte and half of that for each voxel of the
-//! part of the grid that it lies in, never a value for each voxel.
+//! A set has one bit for each voxel of the grid, with rows padded to whole words. A numbered one also has the number of members before
+//! each word. One look-up in each and a bit count give a member's number (a rank dictionary, Jacobson 1989). Rows beyond the first and
+//! last members along y and z are not kept. A field therefore costs its values plus an eighth of a byte and half of that for each voxel
+//! of the part of the grid that it lies in, never a value for each voxel.
 
 use std::ops::Range;
 
 use rayon::prelude::*;
 
-/// Voxels of a grid, numbered in their order (x fastest).
+/// Voxels of a grid.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct VoxelSet {
+pub struct VoxelBits {
     dims: [usize; 3],
     /// Words per row.
     words: usize,
@@ -20,13 +20,19 @@ pub struct VoxelSet {
     ks: Range<usize>,
     /// Their bits, and a row without members at the end, which stands for all others.
     bits: Vec<u64>,
+}
+
+/// Voxels of a grid, numbered in their order (x fastest).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct VoxelSet {
+    of: VoxelBits,
     /// Number of members before each word.
     ranks: Vec<u32>,
 }
 
-impl VoxelSet {
-    /// Creates a set from runs (j, k, range of i) on a grid of `dims`. Returns `None` if there are more than 2³² voxels.
-    pub fn from_runs(dims: [usize; 3], runs: impl Iterator<Item = (usize, usize, Range<usize>)>) -> Option<Self> {
+impl VoxelBits {
+    /// Creates a set from runs (j, k, range of i) on a grid of `dims`.
+    pub fn from_runs(dims: [usize; 3], runs: impl Iterator<Item = (usize, usize, Range<usize>)>) -> Self {
         let words = dims[0].div_ceil(64);
         let mut bits = vec![0u64; words * dims[1] * dims[2]];
         for (j, k, r) in runs {
@@ -36,7 +42,7 @@ impl VoxelSet {
     }
 
     /// Creates a set of the voxels that `is_in` accepts, given as linear indices.
-    pub fn from_fn(dims: [usize; 3], is_in: impl Fn(usize) -> bool) -> Option<Self> {
+    pub fn from_fn(dims: [usize; 3], is_in: impl Fn(usize) -> bool) -> Self {
         let words = dims[0].div_ceil(64);
         let mut bits = vec![0u64; words * dims[1] * dims[2]];
         for (row, to) in bits.chunks_exact_mut(words).enumerate() {
@@ -48,7 +54,7 @@ impl VoxelSet {
     }
 
     /// Creates a set from the bits of all rows.
-    fn of_grid(dims: [usize; 3], bits: &[u64]) -> Option<Self> {
+    fn of_grid(dims: [usize; 3], bits: &[u64]) -> Self {
         let [_, ny, nz] = dims;
         let words = dims[0].div_ceil(64);
         let row = |j: usize, k: usize| &bits[words * (j + ny * k)..][..words];
@@ -67,27 +73,27 @@ impl VoxelSet {
             kept.extend_from_slice(&bits[words * (js.start + ny * k)..words * (js.end + ny * k)]);
         }
         kept.resize(kept.len() + words, 0);
-        Self::of_rows(dims, js, ks, kept)
+        Self { dims, words, js, ks, bits: kept }
     }
 
-    /// Creates a set from the bits of the rows that are kept, and of one without members.
-    fn of_rows(dims: [usize; 3], js: Range<usize>, ks: Range<usize>, bits: Vec<u64>) -> Option<Self> {
-        let mut ranks = Vec::with_capacity(bits.len());
+    /// Numbers the voxels. Returns `None` if there are more than 2³².
+    pub fn numbered(self) -> Option<VoxelSet> {
+        let mut ranks = Vec::with_capacity(self.bits.len());
         let mut count = 0u64;
-        for w in &bits {
+        for w in &self.bits {
             ranks.push(u32::try_from(count).ok()?);
             count += u64::from(w.count_ones());
         }
         u32::try_from(count).ok()?;
-        Some(Self { dims, words: dims[0].div_ceil(64), js, ks, bits, ranks })
+        Some(VoxelSet { of: self, ranks })
     }
 
     /// Returns all voxels within `reach` voxels of a member along every axis (Chebyshev distance), limited to the grid.
-    pub fn dilated(&self, reach: usize) -> Option<Self> {
+    pub fn dilated(&self, reach: usize) -> Self {
         let [nx, ny, nz] = self.dims;
         let w = self.words;
         if self.js.is_empty() {
-            return Some(self.clone());
+            return self.clone();
         }
         let wider = |r: &Range<usize>, count: usize| r.start.saturating_sub(reach)..(r.end + reach).min(count);
         let (js, ks) = (wider(&self.js, ny), wider(&self.ks, nz));
@@ -114,7 +120,7 @@ impl VoxelSet {
         });
         drop(source);
         bits.resize(bits.len() + w, 0);
-        Self::of_rows(self.dims, js, ks, bits)
+        Self { dims: self.dims, words: w, js, ks, bits }
     }
 
     /// Returns the number of voxels along each axis of the grid.
@@ -123,13 +129,8 @@ impl VoxelSet {
     }
 
     /// Returns the number of members.
-    pub fn len(&self) -> usize {
-        self.ranks.last().map_or(0, |&r| r as usize) + self.bits.last().map_or(0, |w| w.count_ones() as usize)
-    }
-
-    /// True if the set is empty.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
+    pub fn count(&self) -> usize {
+        self.bits.iter().map(|w| w.count_ones() as usize).sum()
     }
 
     /// Returns the bits of row (j, k).
@@ -146,41 +147,20 @@ impl VoxelSet {
         if is_kept { j + self.js.len() * k } else { self.js.len() * self.ks.len() }
     }
 
-    /// Returns the number of the first member in row (j, k) or after it; the number of all members after the last row.
-    pub fn row_start(&self, j: usize, k: usize) -> usize {
-        // The first row that is kept from there on.
-        let (j, k) = if j < self.js.end { (j.max(self.js.start), k) } else { (self.js.start, k + 1) };
-        let (j, k) = if k < self.ks.start { (self.js.start, self.ks.start) } else { (j, k) };
-        if k < self.ks.end { self.ranks[self.words * self.kept(j, k)] as usize } else { self.len() }
-    }
-
     /// True if a voxel is a member. Voxels outside the grid are not.
     #[inline]
-    pub fn contains(&self, [i, j, k]: [i64; 3]) -> bool {
-        self.number([i, j, k]).is_some()
+    pub fn contains(&self, voxel: [i64; 3]) -> bool {
+        self.word(voxel).is_some_and(|at| self.bits[at] >> (voxel[0] % 64) & 1 != 0)
     }
 
-    /// Returns a member's number.
+    /// Returns the word that has the bit of a voxel; `None` outside the grid.
     #[inline]
-    pub fn number(&self, [i, j, k]: [i64; 3]) -> Option<usize> {
+    fn word(&self, [i, j, k]: [i64; 3]) -> Option<usize> {
         let [nx, ny, nz] = self.dims;
         if (i as u64) >= nx as u64 || (j as u64) >= ny as u64 || (k as u64) >= nz as u64 {
             return None;
         }
-        let at = self.words * self.kept(j as usize, k as usize) + i as usize / 64;
-        let (word, bit) = (self.bits[at], 1u64 << (i % 64));
-        (word & bit != 0).then(|| self.ranks[at] as usize + (word & (bit - 1)).count_ones() as usize)
-    }
-
-    /// Returns the member with a number below [`VoxelSet::len`].
-    pub fn voxel(&self, number: usize) -> [i64; 3] {
-        let at = self.ranks.partition_point(|&r| r as usize <= number) - 1;
-        let mut word = self.bits[at];
-        for _ in self.ranks[at] as usize..number {
-            word &= word - 1;
-        }
-        let ([x, j, k], bit) = (self.place(at), word.trailing_zeros() as usize);
-        [(x + bit) as i64, j as i64, k as i64]
+        Some(self.words * self.kept(j as usize, k as usize) + i as usize / 64)
     }
 
     /// Returns the first voxel of a word.
@@ -190,12 +170,82 @@ impl VoxelSet {
         let count = self.js.len().max(1);
         [x, row % count + self.js.start, row / count + self.ks.start]
     }
+}
+
+impl VoxelSet {
+    /// Creates a set from runs (j, k, range of i) on a grid of `dims`. Returns `None` if there are more than 2³² voxels.
+    pub fn from_runs(dims: [usize; 3], runs: impl Iterator<Item = (usize, usize, Range<usize>)>) -> Option<Self> {
+        VoxelBits::from_runs(dims, runs).numbered()
+    }
+
+    /// Creates a set of the voxels that `is_in` accepts, given as linear indices. Returns `None` if there are more than 2³².
+    pub fn from_fn(dims: [usize; 3], is_in: impl Fn(usize) -> bool) -> Option<Self> {
+        VoxelBits::from_fn(dims, is_in).numbered()
+    }
+
+    /// Returns the members without their numbers.
+    pub fn bits(&self) -> &VoxelBits {
+        &self.of
+    }
+
+    /// Returns the number of voxels along each axis of the grid.
+    pub fn dims(&self) -> [usize; 3] {
+        self.of.dims
+    }
+
+    /// Returns the number of members.
+    pub fn len(&self) -> usize {
+        self.ranks.last().map_or(0, |&r| r as usize) + self.of.bits.last().map_or(0, |w| w.count_ones() as usize)
+    }
+
+    /// True if the set is empty.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Returns the bits of row (j, k).
+    pub fn row(&self, j: usize, k: usize) -> &[u64] {
+        self.of.row(j, k)
+    }
+
+    /// Returns the number of the first member in row (j, k) or after it; the number of all members after the last row.
+    pub fn row_start(&self, j: usize, k: usize) -> usize {
+        // The first row that is kept from there on.
+        let (j, k) = if j < self.of.js.end { (j.max(self.of.js.start), k) } else { (self.of.js.start, k + 1) };
+        let (j, k) = if k < self.of.ks.start { (self.of.js.start, self.of.ks.start) } else { (j, k) };
+        if k < self.of.ks.end { self.ranks[self.of.words * self.of.kept(j, k)] as usize } else { self.len() }
+    }
+
+    /// True if a voxel is a member. Voxels outside the grid are not.
+    #[inline]
+    pub fn contains(&self, voxel: [i64; 3]) -> bool {
+        self.of.contains(voxel)
+    }
+
+    /// Returns a member's number.
+    #[inline]
+    pub fn number(&self, voxel: [i64; 3]) -> Option<usize> {
+        let at = self.of.word(voxel)?;
+        let (word, bit) = (self.of.bits[at], 1u64 << (voxel[0] % 64));
+        (word & bit != 0).then(|| self.ranks[at] as usize + (word & (bit - 1)).count_ones() as usize)
+    }
+
+    /// Returns the member with a number below [`VoxelSet::len`].
+    pub fn voxel(&self, number: usize) -> [i64; 3] {
+        let at = self.ranks.partition_point(|&r| r as usize <= number) - 1;
+        let mut word = self.of.bits[at];
+        for _ in self.ranks[at] as usize..number {
+            word &= word - 1;
+        }
+        let ([x, j, k], bit) = (self.of.place(at), word.trailing_zeros() as usize);
+        [(x + bit) as i64, j as i64, k as i64]
+    }
 
     /// Calls `visit(number, voxel)` for every member in order.
     pub fn for_each(&self, mut visit: impl FnMut(usize, [usize; 3])) {
         let mut number = 0;
-        for (at, &word) in self.bits.iter().enumerate() {
-            let [x, j, k] = self.place(at);
+        for (at, &word) in self.of.bits.iter().enumerate() {
+            let [x, j, k] = self.of.place(at);
             each_bit(word, |b| {
                 visit(number, [x + b, j, k]);
                 number += 1;
@@ -205,7 +255,7 @@ impl VoxelSet {
 
     /// Returns the size in memory, bytes.
     pub fn bytes(&self) -> usize {
-        size_of_val(self.bits.as_slice()) + size_of_val(self.ranks.as_slice())
+        size_of_val(self.of.bits.as_slice()) + size_of_val(self.ranks.as_slice())
     }
 }
 
@@ -301,7 +351,8 @@ mod tests {
                 each_run(set.row(j, k), |r| runs.push((j, k, r)));
             }
             prop_assert_eq!(&VoxelSet::from_runs(dims, runs.into_iter()).unwrap(), &set);
-            let wide = set.dilated(reach).unwrap();
+            prop_assert_eq!(set.bits().count(), members.len());
+            let wide = set.bits().dilated(reach);
             let r = reach as i64;
             for n in 0..flags.len() {
                 let [i, j, k] = at(n);

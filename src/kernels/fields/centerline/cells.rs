@@ -111,8 +111,7 @@ pub(in crate::fields) struct Cells {
 }
 
 impl Cells {
-    /// Decomposes the lumen of `walls`. Two nodes are neighbours only if the opening between them lets a body pass that needs
-    /// `least_mm` on each side, by half a voxel: the middle of an opening lies between voxels.
+    /// Decomposes the lumen of `walls`, and links the nodes as [`Cells::link`] does.
     pub(crate) fn of(walls: &WallDistance, least_mm: f64, progress: &Progress) -> Result<Self> {
         let grid = walls.grid();
         let shape = Shape::of(grid.spacing());
@@ -136,7 +135,7 @@ impl Cells {
         }
         let places = nodes.iter().map(|n: &Node| walls.world(n.widest)).collect();
         let mut cells = Self { shape, nodes, places, of_cell, dims, neighbours: Neighbours::default() };
-        cells.link(walls, least_mm - 0.5 * grid.min_spacing());
+        cells.link(walls, least_mm);
         Ok(cells)
     }
 
@@ -149,9 +148,13 @@ impl Cells {
         self.of_cell[cell]..self.of_cell[cell + 1]
     }
 
-    fn link(&mut self, walls: &WallDistance, least_mm: f64) {
+    /// Links the nodes in place of the links before. Two nodes are neighbours only if the opening between them lets a body pass that
+    /// needs `least_mm` on each side, by half a voxel: the middle of an opening lies between voxels.
+    pub(super) fn link(&mut self, walls: &WallDistance, least_mm: f64) {
+        let least_mm = least_mm - 0.5 * walls.grid().min_spacing();
+        self.neighbours = Neighbours::default();
         let this = &*self;
-        let pairs = (0..this.nodes.len() as u32)
+        let links: Vec<(u32, u32)> = (0..this.nodes.len() as u32)
             .into_par_iter()
             .flat_map_iter(|n| {
                 let node = &this.nodes[n as usize];
@@ -160,11 +163,11 @@ impl Cells {
                 (0..3).flat_map(move |a| {
                     let place = node.corner[a] as usize / this.shape.side[a];
                     let next = if place + 1 < this.dims[a] { this.in_cell(cell + strides[a]) } else { 0..0 };
-                    next.filter(move |&m| this.is_open(walls, a, n, m, least_mm)).flat_map(move |m| [(n, m), (m, n)])
+                    next.filter(move |&m| this.is_open(walls, a, n, m, least_mm)).map(move |m| (n, m))
                 })
             })
             .collect();
-        self.neighbours = Neighbours::new(self.nodes.len(), pairs);
+        self.neighbours = Neighbours::new(self.nodes.len(), &links);
     }
 
     /// True if two nodes touch along an axis where both have at least `least_mm` to the wall.

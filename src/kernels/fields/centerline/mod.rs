@@ -156,15 +156,15 @@ fn search(
     progress: &Progress,
 ) -> Result<Centerline> {
     progress.stage("finding the centerline", 0);
-    let cells = Cells::of(walls, 0.0, progress)?;
+    let mut cells = Cells::of(walls, 0.0, progress)?;
     let planner = Planner { method, smooth, walls, cells: &cells, progress };
     let Some(line) = planner.route(from, to)? else { return planner.bridged(from, to, guesses) };
     if line.impassable().is_empty() {
         return Ok(line);
     }
     // Through openings wide enough for the body, if there are any.
-    let open = Cells::of(walls, BODY_MM, progress)?;
-    Ok(Planner { cells: &open, ..planner }.route(from, to)?.unwrap_or(line))
+    cells.link(walls, BODY_MM);
+    Ok(Planner { method, smooth, walls, cells: &cells, progress }.route(from, to)?.unwrap_or(line))
 }
 
 /// Returns the two ends of the lumen's piece with the most voxels, world, mm, the lower one first. They are the

@@ -26,7 +26,7 @@ mod transform;
 use glam::DVec3;
 
 use super::clearance::smallest_singular_value;
-use super::voxels::VoxelSet;
+use super::voxels::{VoxelBits, VoxelSet};
 use super::{Clearance, Clearances, Distance, Sample};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
@@ -66,25 +66,25 @@ impl WallDistance {
     /// # Errors
     /// Same as [`WallDistance::of_lumen`].
     pub fn of_mask(mask: &Volume, progress: &Progress) -> Result<Self> {
-        let inside = VoxelSet::from_fn(mask.grid().dims(), |n| mask.data()[n] != 0).ok_or_else(too_many)?;
+        let inside = VoxelBits::from_fn(mask.grid().dims(), |n| mask.data()[n] != 0);
         Self::build(mask.grid(), &inside, None, SHELL, progress)
     }
 
     fn build(
         grid: &Grid,
-        inside: &VoxelSet,
+        inside: &VoxelBits,
         hu: Option<(&[i16], i16)>,
         shell: usize,
         progress: &Progress,
     ) -> Result<Self> {
-        let set = inside.dilated(shell).ok_or_else(too_many)?;
+        let set = inside.dilated(shell).numbered().ok_or_else(too_many)?;
         let walls = Walls { inside, hu };
         let shrink = smallest_singular_value(grid.direction());
         // A mask without any wall fills the whole grid, so only the grid's size bounds the distance.
         let most = (grid.spacing() * DVec3::from_array(grid.dims().map(|n| n as f64))).length();
         let values = transform::distances(&walls, &set, grid.spacing().to_array(), (shrink, most), progress)?;
         let excess = if hu.is_some() { grid.spacing().length() } else { 0.0 };
-        Ok(Self { grid: grid.clone(), voxels: inside.len(), set, values, shrink, excess })
+        Ok(Self { grid: grid.clone(), voxels: inside.count(), set, values, shrink, excess })
     }
 
     /// Returns the grid.

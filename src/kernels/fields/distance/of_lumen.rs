@@ -1,9 +1,9 @@
 //! The distance to the wall of a lumen.
 
-use super::{SHELL, Through, WallDistance, too_many};
+use super::{SHELL, Through, WallDistance};
 use crate::error::Result;
 use crate::fields::lumen::{GAS_HU, Lumen};
-use crate::fields::voxels::VoxelSet;
+use crate::fields::voxels::VoxelBits;
 use crate::progress::Progress;
 use crate::volume::Volume;
 
@@ -15,7 +15,7 @@ impl WallDistance {
     pub fn of_lumen(volume: &Volume, lumen: &Lumen, through: Through, progress: &Progress) -> Result<Self> {
         let fluid = (through == Through::GasAndFluid).then(|| lumen.fluid().iter());
         let runs = lumen.gas().iter().chain(fluid.into_iter().flatten()).map(|(j, k, r)| (j, k, r.range()));
-        let inside = VoxelSet::from_runs(volume.grid().dims(), runs).ok_or_else(too_many)?;
+        let inside = VoxelBits::from_runs(volume.grid().dims(), runs);
         Self::build(volume.grid(), &inside, Some((volume.data(), GAS_HU)), SHELL, progress)
     }
 
@@ -26,7 +26,7 @@ impl WallDistance {
     /// Same as [`WallDistance::of_lumen`].
     pub fn around_lumen(volume: &Volume, lumen: &Lumen, reach_mm: f64, progress: &Progress) -> Result<Self> {
         let runs = lumen.gas().iter().chain(lumen.fluid().iter()).map(|(j, k, r)| (j, k, r.range()));
-        let inside = VoxelSet::from_runs(volume.grid().dims(), runs).ok_or_else(too_many)?;
+        let inside = VoxelBits::from_runs(volume.grid().dims(), runs);
         let grid = volume.grid();
         // Maximum number of indices that a world distance spans.
         let inverse = grid.to_voxel().matrix3.transpose();

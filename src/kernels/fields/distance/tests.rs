@@ -22,7 +22,7 @@ fn volume(grid: Grid, hu: impl Fn(DVec3) -> f64) -> Volume {
 
 /// Takes all gas of a volume as the lumen.
 fn of_gas(v: &Volume) -> WallDistance {
-    let inside = VoxelSet::from_fn(v.grid().dims(), |n| v.data()[n] <= GAS_HU).unwrap();
+    let inside = VoxelBits::from_fn(v.grid().dims(), |n| v.data()[n] <= GAS_HU);
     WallDistance::build(v.grid(), &inside, Some((v.data(), GAS_HU)), SHELL, &Progress::new()).unwrap()
 }
 

@@ -20,17 +20,17 @@ use rayon::prelude::*;
 
 use super::envelope::Envelope;
 use crate::error::Result;
-use crate::fields::voxels::{VoxelSet, each_bit, each_run};
+use crate::fields::voxels::{VoxelBits, VoxelSet, each_bit, each_run};
 use crate::progress::Progress;
 
 /// Slices for which the family of z is computed at a time, by one thread. Each reads the bits of all slices.
-const SLICES: usize = 32;
+const SLICES: usize = 16;
 
 /// The voxels inside, and the position of the wall between two voxels.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Walls<'a> {
     /// The voxels on the inner side of the wall.
-    pub inside: &'a VoxelSet,
+    pub inside: &'a VoxelBits,
     /// The values that locate the wall between two voxels, HU, and its iso value. Without them the wall is half-way.
     pub hu: Option<(&'a [i16], i16)>,
 }
@@ -85,7 +85,7 @@ impl Lines {
         if self.axis == 1 { (n, self.at) } else { (self.at, n) }
     }
 
-    fn row<'s>(&self, set: &'s VoxelSet, n: usize) -> &'s [u64] {
+    fn row<'s>(&self, set: &'s VoxelBits, n: usize) -> &'s [u64] {
         let (j, k) = self.place(n);
         set.row(j, k)
     }
@@ -112,7 +112,7 @@ impl Window {
     fn of(set: &VoxelSet, lines: &Lines) -> Option<Self> {
         let mut any: Option<(Range<usize>, Vec<u64>)> = None;
         for n in 0..lines.count() {
-            let row = lines.row(set, n);
+            let row = lines.row(set.bits(), n);
             if row.iter().all(|&w| w == 0) {
                 continue;
             }
@@ -241,7 +241,7 @@ impl Envelope {
     /// Applies the envelope to every run of `set` in each row of the window.
     fn along_rows(&mut self, set: &VoxelSet, lines: &Lines, window: &Window, square: f32, values: &mut [f32]) {
         for (n, row) in window.lines.clone().zip(values.chunks_exact_mut(window.width())) {
-            self.along_row(lines.row(set, n), &window.xs, square, row);
+            self.along_row(lines.row(set.bits(), n), &window.xs, square, row);
         }
     }
 
@@ -270,10 +270,10 @@ impl Envelope {
                 values[at(n)] = v;
             }
         };
-        let none = vec![0u64; lines.row(set, first).len()];
+        let none = vec![0u64; lines.row(set.bits(), first).len()];
         for n in window.lines.start..=window.lines.end {
-            let before = if n == first { &none[..] } else { lines.row(set, n - 1) };
-            let here = if n == window.lines.end { &none[..] } else { lines.row(set, n) };
+            let before = if n == first { &none[..] } else { lines.row(set.bits(), n - 1) };
+            let here = if n == window.lines.end { &none[..] } else { lines.row(set.bits(), n) };
             for (w, (&b, &h)) in before.iter().zip(here).enumerate() {
                 each_bit(b ^ h, |bit| {
                     let x = 64 * w + bit - x0;
@@ -327,7 +327,7 @@ fn spread(set: &VoxelSet, lines: &Lines, window: &Window, rows: &[&mut [f32]], o
     out.resize(window.len(), f32::INFINITY);
     for (n, line) in window.lines.clone().zip(out.chunks_exact_mut(window.width())) {
         let mut at = 0;
-        each_run(lines.row(set, n), |r| {
+        each_run(lines.row(set.bits(), n), |r| {
             line[r.start - window.xs.start..r.end - window.xs.start].copy_from_slice(&rows[n][at..at + r.len()]);
             at += r.len();
         });
@@ -344,7 +344,7 @@ fn collect(
 ) {
     for (n, line) in part.clone().zip(values.chunks_exact(window.width())) {
         let mut at = 0;
-        each_run(lines.row(set, n), |r| {
+        each_run(lines.row(set.bits(), n), |r| {
             rows[n - first][at..at + r.len()]
                 .copy_from_slice(&line[r.start - window.xs.start..r.end - window.xs.start]);
             at += r.len();

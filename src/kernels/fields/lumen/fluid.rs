@@ -209,6 +209,16 @@ fn pools(grid: &Grid, frame: Frame, down: AxisDirection, columns: Vec<Column>) -
     pools
 }
 
+/// A voxel whose neighbours are still to be flooded.
+#[derive(Clone, Copy, Debug)]
+struct Open {
+    at: [u32; 3],
+    /// How many voxels beyond the core may still be taken from here.
+    left: u32,
+    /// Distance from the surface along the axes, mm.
+    far: f64,
+}
+
 /// State of the flood over all pools.
 struct Flood<'a> {
     volume: &'a Volume,
@@ -255,7 +265,9 @@ impl<'a> Flood<'a> {
         let depth = |p: [i64; 3]| pull * grid.world(place(p))[world];
         let surface =
             pool.columns.iter().map(|c| depth(index(self.frame, self.down, c))).fold(f64::INFINITY, f64::min) - 1e-6;
-        let rim = 1 + self.reach[0].max(self.reach[1]).max(self.reach[2]);
+        let rim = 1 + self.reach[0].max(self.reach[1]).max(self.reach[2]) as u32;
+        // A taken voxel is in the grid.
+        let open_at = |p: [i64; 3], left: u32, far: f64| Open { at: p.map(|x| x as u32), left, far };
         let mut open = VecDeque::new();
         for c in &pool.columns {
             let at = index(self.frame, self.down, c);
@@ -270,14 +282,15 @@ impl<'a> Flood<'a> {
                     break;
                 }
                 if self.is_core(p, threshold) {
-                    open.push_back((p, 0.0, rim));
+                    open.push_back(open_at(p, rim, 0.0));
                 }
             }
         }
         let under_surface = self.voxels.len();
         let limit = (POOL_ML / grid.voxel_ml()) as usize;
         let spacing = grid.spacing();
-        while let Some((p, far, left)) = open.pop_front() {
+        while let Some(Open { at, left, far }) = open.pop_front() {
+            let p = at.map(i64::from);
             for axis in 0..3 {
                 for sign in [-1, 1] {
                     let mut q = p;
@@ -289,7 +302,7 @@ impl<'a> Flood<'a> {
                     // Outside the core only its rim is taken, as wide as the core's distance from voxels that are not bright.
                     let left = if self.is_core(q, threshold) { rim } else { left - 1 };
                     if self.take(q) && left > 0 {
-                        open.push_back((q, far, left));
+                        open.push_back(open_at(q, left, far));
                     }
                 }
             }

@@ -112,9 +112,8 @@ impl Graph {
                 sums.extend(slab.sums);
             }
         }
-        let pairs = links.iter().flat_map(|&(a, b)| [(a, b), (b, a)]).collect();
+        let mut graph = Self { nodes: Vec::new(), neighbours: Neighbours::new(sums.len(), &links) };
         drop(links);
-        let mut graph = Self { nodes: Vec::new(), neighbours: Neighbours::new(sums.len(), pairs) };
         graph.measure(grid, side, sums);
         Ok(graph)
     }

@@ -38,11 +38,10 @@ pub(super) fn lumen(volume: &Volume, core: Core, told: &[Told], frame: Frame, pr
         None => (0..core.count as u32).collect(),
     };
     let is_divided = former.len() > core.count;
-    let rows = match is_divided {
-        true => graph.labelled(&graph.cells(grid), &core.rows, |n| graph.nodes[n as usize].label, progress)?,
-        false => core.rows,
-    };
-    let core = Core { rows, count: former.len(), septa: core.septa, hiding: core.hiding };
+    let mut core = Core { count: former.len(), ..core };
+    if is_divided {
+        core.rows = graph.labelled(&graph.cells(grid), &core.rows, |n| graph.nodes[n as usize].label, progress)?;
+    }
     let mut bodies = Bodies::of(volume, core, &graph, frame, progress)?;
     let Some(landmarks) = landmarks else { return Ok(bodies.into_lumen(volume, frame, None)) };
     let considered = considered(volume, &bodies, told, &landmarks);
