@@ -31,14 +31,29 @@ pub struct VoxelSet {
 }
 
 impl VoxelBits {
-    /// Creates a set from runs (j, k, range of i) on a grid of `dims`.
-    pub fn from_runs(dims: [usize; 3], runs: impl Iterator<Item = (usize, usize, Range<usize>)>) -> Self {
-        let words = dims[0].div_ceil(64);
-        let mut bits = vec![0u64; words * dims[1] * dims[2]];
-        for (j, k, r) in runs {
-            fill(&mut bits[words * (j + dims[1] * k)..][..words], r);
+    /// Creates a set from runs (j, k, range of i) on a grid of `dims`. The runs are read twice, so that only the rows that are kept are
+    /// ever held.
+    pub fn from_runs(dims: [usize; 3], runs: impl Iterator<Item = (usize, usize, Range<usize>)> + Clone) -> Self {
+        let [_, ny, nz] = dims;
+        let (mut js, mut ks) = (ny..0, nz..0);
+        for (j, k, _) in runs.clone().filter(|r| !r.2.is_empty()) {
+            (js.start, js.end) = (js.start.min(j), js.end.max(j + 1));
+            (ks.start, ks.end) = (ks.start.min(k), ks.end.max(k + 1));
         }
-        Self::of_grid(dims, &bits)
+        let mut set = Self::without_members(dims, js, ks);
+        for (j, k, r) in runs.filter(|r| !r.2.is_empty()) {
+            let at = set.words * set.kept(j, k);
+            fill(&mut set.bits[at..][..set.words], r);
+        }
+        set
+    }
+
+    /// Creates a set that keeps the given rows.
+    fn without_members(dims: [usize; 3], js: Range<usize>, ks: Range<usize>) -> Self {
+        let (js, ks) = if js.is_empty() { (0..0, 0..0) } else { (js, ks) };
+        let words = dims[0].div_ceil(64);
+        let bits = vec![0; words * (js.len() * ks.len() + 1)];
+        Self { dims, words, js, ks, bits }
     }
 
     /// Creates a set of the voxels that `is_in` accepts, given as linear indices.
@@ -65,15 +80,12 @@ impl VoxelBits {
                 (ks.start, ks.end) = (ks.start.min(k), k + 1);
             }
         }
-        if js.is_empty() {
-            (js, ks) = (0..0, 0..0);
+        let mut set = Self::without_members(dims, js, ks);
+        let own = words * set.js.len();
+        for (n, k) in set.ks.clone().enumerate() {
+            set.bits[own * n..own * (n + 1)].copy_from_slice(&bits[words * (set.js.start + ny * k)..][..own]);
         }
-        let mut kept = Vec::with_capacity(words * (js.len() * ks.len() + 1));
-        for k in ks.clone() {
-            kept.extend_from_slice(&bits[words * (js.start + ny * k)..words * (js.end + ny * k)]);
-        }
-        kept.resize(kept.len() + words, 0);
-        Self { dims, words, js, ks, bits: kept }
+        set
     }
 
     /// Numbers the voxels. Returns `None` if there are more than 2³².
@@ -174,7 +186,10 @@ impl VoxelBits {
 
 impl VoxelSet {
     /// Creates a set from runs (j, k, range of i) on a grid of `dims`. Returns `None` if there are more than 2³² voxels.
-    pub fn from_runs(dims: [usize; 3], runs: impl Iterator<Item = (usize, usize, Range<usize>)>) -> Option<Self> {
+    pub fn from_runs(
+        dims: [usize; 3],
+        runs: impl Iterator<Item = (usize, usize, Range<usize>)> + Clone,
+    ) -> Option<Self> {
         VoxelBits::from_runs(dims, runs).numbered()
     }
 

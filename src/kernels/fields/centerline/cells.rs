@@ -20,13 +20,18 @@ pub(in crate::fields) struct Node {
     mask: u64,
     /// The first voxel of the cell.
     corner: [i32; 3],
-    /// The piece's voxel farthest from the wall.
-    pub widest: [i64; 3],
-    /// Wall distance of [`Node::widest`], mm.
-    pub clearance: f64,
+    /// The bit of the piece's voxel farthest from the wall.
+    widest: u8,
+    /// The wall distance there, mm.
+    clearance: f32,
 }
 
 impl Node {
+    /// Returns the wall distance of the piece's widest voxel, mm.
+    pub(crate) fn clearance(&self) -> f64 {
+        f64::from(self.clearance)
+    }
+
     /// Returns the first voxel of the cell, and those of its voxels that belong to the piece, x fastest.
     pub(super) fn voxels(&self) -> ([i32; 3], u64) {
         (self.corner, self.mask)
@@ -71,6 +76,12 @@ impl Shape {
         [bit % self.side[0], bit / self.side[0] % self.side[1], bit / self.side[0] / self.side[1]].map(|x| x as i64)
     }
 
+    /// Returns the voxel of a node that is farthest from the wall.
+    fn widest(&self, node: &Node) -> [i64; 3] {
+        let offset = self.offset(usize::from(node.widest));
+        [0, 1, 2].map(|a| i64::from(node.corner[a]) + offset[a])
+    }
+
     /// Grows a set of voxels by those of the cell that share a face with it.
     fn grown(&self, m: u64) -> u64 {
         (0..3).fold(m, |g, a| {
@@ -98,14 +109,19 @@ impl Shape {
     }
 }
 
+/// Cells of which one has the index of its first node.
+const GROUP: usize = 8;
+
 /// The cell decomposition.
 #[derive(Debug)]
 pub(in crate::fields) struct Cells {
     shape: Shape,
     pub nodes: Vec<Node>,
     places: Vec<DVec3>,
-    /// Index of each cell's first node; one more entry than there are cells.
-    of_cell: Vec<u32>,
+    /// Number of nodes in each cell, x fastest.
+    counts: Vec<u8>,
+    /// Index of the first node in each [`GROUP`] of cells. Most cells have none, and an index for each would take as much as the nodes.
+    first: Vec<u32>,
     dims: [usize; 3],
     neighbours: Neighbours,
 }
@@ -116,25 +132,27 @@ impl Cells {
         let grid = walls.grid();
         let shape = Shape::of(grid.spacing());
         let dims: [usize; 3] = std::array::from_fn(|a| grid.dims()[a].div_ceil(shape.side[a]));
-        let layers: Vec<(Vec<u32>, Vec<Node>)> = (0..dims[2])
+        let layers: Vec<(Vec<u8>, Vec<Node>)> = (0..dims[2])
             .into_par_iter()
             .map(|layer| {
                 progress.check()?;
                 Ok(nodes_of(walls, &shape, dims, layer))
             })
             .collect::<Result<_>>()?;
-        let mut of_cell = Vec::with_capacity(dims.iter().product::<usize>() + 1);
-        of_cell.push(0);
+        let mut counts = Vec::with_capacity(dims.iter().product());
         let mut nodes = Vec::with_capacity(layers.iter().map(|l| l.1.len()).sum());
-        for (counts, own) in layers {
-            of_cell.extend(counts.iter().scan(nodes.len() as u32, |sum, &n| {
-                *sum += n;
-                Some(*sum)
-            }));
+        for (own_counts, own) in layers {
+            counts.extend(own_counts);
             nodes.extend(own);
         }
-        let places = nodes.iter().map(|n: &Node| walls.world(n.widest)).collect();
-        let mut cells = Self { shape, nodes, places, of_cell, dims, neighbours: Neighbours::default() };
+        let before = |sum: &mut u32, group: &[u8]| {
+            let before = *sum;
+            *sum += group.iter().map(|&n| u32::from(n)).sum::<u32>();
+            Some(before)
+        };
+        let first = counts.chunks(GROUP).scan(0, before).collect();
+        let places = nodes.iter().map(|n: &Node| walls.world(shape.widest(n))).collect();
+        let mut cells = Self { shape, nodes, places, counts, first, dims, neighbours: Neighbours::default() };
         cells.link(walls, least_mm);
         Ok(cells)
     }
@@ -145,7 +163,15 @@ impl Cells {
     }
 
     fn in_cell(&self, cell: usize) -> std::ops::Range<u32> {
-        self.of_cell[cell]..self.of_cell[cell + 1]
+        let group = cell / GROUP;
+        let before = self.counts[group * GROUP..cell].iter().map(|&n| u32::from(n)).sum::<u32>();
+        let first = self.first[group] + before;
+        first..first + u32::from(self.counts[cell])
+    }
+
+    /// Returns a node's voxel farthest from the wall.
+    pub(crate) fn widest(&self, n: u32) -> [i64; 3] {
+        self.shape.widest(&self.nodes[n as usize])
     }
 
     /// Links the nodes in place of the links before. Two nodes are neighbours only if the opening between them lets a body pass that
@@ -247,7 +273,7 @@ impl Cells {
     /// `weight` of the two nodes' mean clearance (mm).
     pub(crate) fn ways(&self, start: u32, to: Option<u32>, weight: impl Fn(f64) -> f64) -> Ways {
         let step = |a: u32, b: u32| self.places[a as usize].distance(self.places[b as usize]);
-        let mean = |a: u32, b: u32| 0.5 * (self.nodes[a as usize].clearance + self.nodes[b as usize].clearance);
+        let mean = |a: u32, b: u32| 0.5 * (self.nodes[a as usize].clearance() + self.nodes[b as usize].clearance());
         self.neighbours.ways(start, to, step, |a, b| weight(mean(a, b)))
     }
 
@@ -261,7 +287,7 @@ impl Cells {
             // Between two nodes that do not touch, insert the widest common neighbour.
             if !self.neighbours(n).contains(&b) {
                 let between = self.neighbours(n).iter().copied().filter(|m| self.neighbours(*m).contains(&b));
-                let widest = |m: &u32| self.nodes[*m as usize].clearance;
+                let widest = |m: &u32| self.nodes[*m as usize].clearance();
                 out.extend(between.reduce(|m, o| if widest(&o) > widest(&m) { o } else { m }));
             }
             out.push(b);
@@ -276,7 +302,7 @@ impl Cells {
         let mut out = vec![from];
         let mut at = from;
         for (n, pair) in way.windows(2).enumerate() {
-            let goal = if n + 2 == way.len() { to } else { self.nodes[pair[1] as usize].widest };
+            let goal = if n + 2 == way.len() { to } else { self.widest(pair[1]) };
             out.extend(self.hop(pair, at, goal));
             at = goal;
         }
@@ -327,7 +353,7 @@ impl Cells {
 }
 
 /// Returns the number of nodes in each cell of a layer, and the nodes.
-fn nodes_of(walls: &WallDistance, shape: &Shape, dims: [usize; 3], layer: usize) -> (Vec<u32>, Vec<Node>) {
+fn nodes_of(walls: &WallDistance, shape: &Shape, dims: [usize; 3], layer: usize) -> (Vec<u8>, Vec<Node>) {
     let [_, ny, nz] = walls.grid().dims();
     let set = walls.set();
     let mut masks = vec![0u64; dims[0] * dims[1]];
@@ -356,19 +382,19 @@ fn nodes_of(walls: &WallDistance, shape: &Shape, dims: [usize; 3], layer: usize)
         while rest != 0 {
             let mask = shape.piece(all, rest & rest.wrapping_neg());
             rest &= !mask;
-            let mut best: Option<(f32, [i64; 3])> = None;
+            let mut best: Option<(f32, u8)> = None;
             each_bit(mask, |b| {
                 let o = shape.offset(b);
                 let v = [0, 1, 2].map(|a| corner[a] as i64 + o[a]);
                 let d = walls.at(v).unwrap_or(0.0);
                 if best.is_none_or(|b| d > b.0) {
-                    best = Some((d, v));
+                    best = Some((d, b as u8));
                 }
             });
             let (clearance, widest) = best.unwrap_or_default();
-            nodes.push(Node { mask, corner: corner.map(|x| x as i32), widest, clearance: f64::from(clearance) });
+            nodes.push(Node { mask, corner: corner.map(|x| x as i32), widest, clearance });
         }
-        counts.push((nodes.len() - before) as u32);
+        counts.push((nodes.len() - before) as u8);
     }
     (counts, nodes)
 }

@@ -251,7 +251,7 @@ impl Search {
                 }
                 let step = cells.place(n).distance(cells.place(m));
                 let far = length[n as usize] + step;
-                let mean = 0.5 * (cells.nodes[n as usize].clearance + cells.nodes[m as usize].clearance);
+                let mean = 0.5 * (cells.nodes[n as usize].clearance() + cells.nodes[m as usize].clearance());
                 let c = cost[n as usize] + step * weight(mean, least_mm);
                 if far <= NEAR_MM && c < cost[m as usize] {
                     (cost[m as usize], before[m as usize], length[m as usize]) = (c, n, far);

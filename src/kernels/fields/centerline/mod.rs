@@ -174,7 +174,7 @@ fn search(
 /// Returns status 4 if there is no lumen, or when interrupted.
 pub fn far_ends(walls: &WallDistance, progress: &Progress) -> Result<[DVec3; 2]> {
     let cells = Cells::of(walls, 0.0, progress)?;
-    let clearance = |n: u32| cells.nodes[n as usize].clearance;
+    let clearance = |n: u32| cells.nodes[n as usize].clearance();
     let widest = cells.largest_piece().into_iter().reduce(|a, b| if clearance(b) > clearance(a) { b } else { a });
     let Some(start) = widest else {
         return Err(Error::incomplete("centerline", "it contains no lumen", "give a scan or a mask with a lumen"));
@@ -267,7 +267,7 @@ impl Planner<'_> {
         let (a, b) = (cells.node_at(start)?, cells.node_at(goal)?);
         let search = |from: u32, to: u32, end: End| {
             let ways = cells.ways(from, matches!(end, End::At(_)).then_some(to), narrow);
-            let clearance = |n: u32| cells.nodes[n as usize].clearance;
+            let clearance = |n: u32| cells.nodes[n as usize].clearance();
             let roomy = clearance(to).min(TIP_CLEARANCE_MM);
             let near = (0..cells.nodes.len() as u32).filter(|&n| {
                 matches!(end, End::Tip(p) if cells.place(n).distance(p) < TIP_MM)
@@ -281,12 +281,12 @@ impl Planner<'_> {
         if !ways.length[b as usize].is_finite() {
             return None;
         }
-        let goal = if tip == b { goal } else { cells.nodes[tip as usize].widest };
+        let goal = if tip == b { goal } else { cells.widest(tip) };
         if matches!(from, End::At(_)) {
             return Some((start, goal, cells.way(&ways, tip)));
         }
         let (back, first) = search(tip, a, from);
-        let start = if first == a { start } else { cells.nodes[first as usize].widest };
+        let start = if first == a { start } else { cells.widest(first) };
         let mut nodes = cells.way(&back, first);
         nodes.reverse();
         Some((start, goal, nodes))

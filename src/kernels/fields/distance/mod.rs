@@ -82,7 +82,10 @@ impl WallDistance {
         let shrink = smallest_singular_value(grid.direction());
         // A mask without any wall fills the whole grid, so only the grid's size bounds the distance.
         let most = (grid.spacing() * DVec3::from_array(grid.dims().map(|n| n as f64))).length();
+        // The values and what they are made by are most of a flight's memory at its peak.
+        colvis_scan::memory::release();
         let values = transform::distances(&walls, &set, grid.spacing().to_array(), (shrink, most), progress)?;
+        colvis_scan::memory::release();
         let excess = if hu.is_some() { grid.spacing().length() } else { 0.0 };
         Ok(Self { grid: grid.clone(), voxels: inside.count(), set, values, shrink, excess })
     }

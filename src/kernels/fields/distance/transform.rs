@@ -24,7 +24,7 @@ use crate::fields::voxels::{VoxelBits, VoxelSet, each_bit, each_run};
 use crate::progress::Progress;
 
 /// Slices for which the family of z is computed at a time, by one thread. Each reads the bits of all slices.
-const SLICES: usize = 16;
+const SLICES: usize = 32;
 
 /// The voxels inside, and the position of the wall between two voxels.
 #[derive(Clone, Copy, Debug)]

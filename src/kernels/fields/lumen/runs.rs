@@ -107,7 +107,7 @@ impl Rows {
     }
 
     /// Returns all runs with their row: (j, k, run).
-    pub(crate) fn iter(&self) -> impl Iterator<Item = (usize, usize, Run)> + '_ {
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (usize, usize, Run)> + Clone + '_ {
         (0..self.dims[2])
             .flat_map(move |k| (0..self.dims[1]).map(move |j| (j, k)))
             .flat_map(move |(j, k)| self.row(j, k).iter().map(move |&r| (j, k, r)))
