@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::Command;
 
 use colvis::fields::lumen::{self, Interior};
-use colvis::fields::voxels::VoxelSet;
+use colvis::fields::voxels::VoxelBits;
 use colvis::math::hash::uniform;
 use colvis::phantom::{Phantom, PhantomSettings, Size};
 use colvis::progress::Progress;
@@ -254,12 +254,12 @@ fn a_phantoms_area_and_volume_are_its_truths() {
     let (mesh, islands) = LumenMesh::new(&interior, &progress).unwrap().without_islands();
     let m = Measures::of(&mesh);
     assert_eq!((m.boundary_edges, m.components, islands), (0, 1, 0));
-    let near = interior.set().dilated(2).unwrap();
-    let outside = VoxelSet::from_fn(grid.dims(), |n| {
+    let near = interior.set().bits().dilated(2).numbered().unwrap();
+    let outside = VoxelBits::from_fn(grid.dims(), |n| {
         let [nx, ny, _] = grid.dims();
         !interior.set().contains([(n % nx) as i64, (n / nx % ny) as i64, (n / nx / ny) as i64])
     });
-    let outside = outside.unwrap().dilated(2).unwrap();
+    let outside = outside.dilated(2);
     let (mut area, mut samples) = (0.0, 0u64);
     let cell = grid.voxel_ml() * 1000.0 / 8.0;
     near.for_each(|_, v| {
