@@ -73,6 +73,8 @@ pub(crate) struct Rays<'a> {
     pub(super) steep: f32,
     /// True if steps are twice as long as requested.
     pub(super) smooth: bool,
+    /// Length of the finest waves in the scan, in units of twice the smallest spacing ([`blur::waves`]).
+    waves: f32,
     pub(super) limit: f32,
     /// The camera's position, world, mm.
     pub(super) camera: DVec3,
@@ -256,6 +258,7 @@ impl<'a> Rays<'a> {
             layer: layer_steps(if smooth { waves * 0.5 } else { waves }, power),
             steep: STEEP * 2f32.powi(step.power),
             smooth,
+            waves,
             limit: (1 << 22) as f32,
             camera: view.position(),
             step_mm: step.mm as f32,
@@ -286,6 +289,11 @@ impl<'a> Rays<'a> {
     /// Returns the length of a step, voxels of the smallest spacing.
     pub(crate) fn step(&self) -> f32 {
         2f32.powi(self.power)
+    }
+
+    /// Returns the length of a step in units of half the finest waves: what rays between others may miss is measured by these.
+    pub(crate) fn step_in_waves(&self) -> f32 {
+        self.step() / self.waves
     }
 
     /// Returns the trilinear HU at the positions `q` of the lanes in `wanted`; other lanes are arbitrary.

@@ -151,7 +151,7 @@ impl<'a, 'b> Band<'a, 'b> {
         let light = self.rays.cast(simd, middle, group.start, self.cells);
         let rays = 4 * group.len as u64;
         self.work = self.work + Work { rays, samples: u64::from(light.samples), ..Work::default() };
-        let middles = Point::all(simd, &light, self.rays.step());
+        let middles = Point::all(simd, &light, self.rays.step_in_waves());
         let own = self.rays.colours(self.cells).copied();
         let items = group.items[..group.len].iter().zip(middles.chunks_exact(4)).enumerate();
         for (index, (Coarse { block, colours, at, start }, middles)) in items {

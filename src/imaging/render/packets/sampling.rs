@@ -5,8 +5,8 @@
 //! nothing else speaks against it, the block's pixels are interpolated. These conditions must hold ([`ImageSamples::judge`]):
 //!
 //! - All five rays end in the wall in their first layer, or all in their second, or all five meet nothing.
-//! - The block's rays (corners and centre) are no farther apart than two voxels at its distance. That is the length of
-//!   the finest waves that the scan can hold, so the block has little to show between them.
+//! - The block's rays (corners and centre) are no farther apart than the finest waves in the scan ([`blur`](super::blur)): two voxels, or
+//!   four if the scan is smoother than its grid. So the block has little to show between them.
 //! - At the centre, brightness and the inverse depth of each layer (which is linear over a plane) match the mean of the
 //!   corners, and the corners are not twisted.
 //!
@@ -34,11 +34,11 @@ pub(crate) const LANES: usize = 16;
 const BRIGHTNESS: f32 = 0.027;
 /// The most that brightness may change over a block.
 pub(crate) const CONTRAST: f32 = 0.5;
-/// How much the centre's depth may differ, voxels (the smallest spacing).
+/// How much the centre's depth may differ, units: see [`Point::near`].
 const DEPTH: f32 = 0.25;
-/// The most that depth may change over a block, voxels.
+/// The most that depth may change over a block, units.
 pub(crate) const SLOPE: f32 = 3.0;
-/// The largest side of a block, voxels: 2√2, at which the rays of corners and centres are 2 voxels apart.
+/// The largest side of a block, units: 2√2, at which the rays of corners and centres are 2 units apart.
 const LARGEST: f32 = 2.83;
 /// A ray has ended in the wall when no more than this share of light comes from beyond.
 const OPAQUE: f32 = 0.02;
@@ -56,7 +56,7 @@ pub(crate) type Shaded<'a> = (&'a PacketResult, Option<&'a Colours>);
 /// The result of one ray.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Point {
-    /// 1 / depth at which the ray ended, 1 / voxels of the smallest spacing; 0 if it met nothing; NaN unless it ended
+    /// 1 / depth at which the ray ended, in units of half the finest waves (of a sharp scan: voxels of the smallest spacing); 0 if it met nothing; NaN unless it ended
     /// in the wall in its first or second layer, or met nothing.
     pub near: f32,
     /// 1 / depth of the layer before, 0 if there is none.
@@ -68,7 +68,7 @@ pub(crate) struct Point {
 }
 
 impl Point {
-    /// Returns the results of a packet whose steps are `step` voxels of the smallest spacing long.
+    /// Returns the results of a packet whose steps are `step` units long.
     #[inline(always)]
     pub(crate) fn all<S: Simd>(simd: S, light: &PacketResult, step: f32) -> [Self; 16] {
         let [near, front] = nearness(simd, light, step);
@@ -450,7 +450,7 @@ impl Rows<'_> {
 
     /// Stores the packet `n` of the corners and that of the centres.
     ///
-    /// Their steps are `step` voxels of the smallest spacing long, and they meet nothing before `start` steps.
+    /// Their steps are `step` units long, and they meet nothing before `start` steps.
     #[inline(never)]
     pub(crate) fn keep<S: Simd>(
         &mut self,

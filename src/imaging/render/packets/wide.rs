@@ -65,7 +65,7 @@ pub(super) fn cast<S: Simd>(
             [0, 1].map(|kind| pairs.map(|p| p[kind]))
         });
         let colours = |kind: usize| colours.as_ref().map(|c| &c[kind]);
-        rows.keep(simd, packet, [(&corners, colours(0)), (&centres, colours(1))], rays.step(), start);
+        rows.keep(simd, packet, [(&corners, colours(0)), (&centres, colours(1))], rays.step_in_waves(), start);
         // A picture has one more corner than blocks.
         let [rays, centres] = [1, 0].map(|more| within(packet * SIDE, across + more) * within(n * SIDE, down + more));
         work = work + Work { rays: rays + centres, samples: u64::from(corners.samples), ..Work::default() };
@@ -192,7 +192,7 @@ impl Waiting {
         let light = rays.cast(simd, pixel, start, cells);
         let own = rays.colours(cells);
         let to = places.iter().map(|p| ([p.at[0], p.at[1] - n * SIDE], p.is_centre));
-        rows.put(simd, (&light, own), to, rays.step());
+        rows.put(simd, (&light, own), to, rays.step_in_waves());
         let rays = places.len() as u64;
         self.work = self.work + Work { rays, samples: u64::from(light.samples), ..Work::default() };
         self.len = 0;
