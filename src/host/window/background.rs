@@ -3,6 +3,7 @@
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
+use colvis_scan::memory;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use super::job::{Job, WakeUp};
@@ -54,6 +55,12 @@ impl Background {
         work: impl FnOnce(&Arc<Progress>) -> Result<T> + Send + 'static,
     ) -> Result<Job<T>> {
         let wake = Arc::clone(&self.wake);
+        // It used much that is free now, and a window stays open for long.
+        let work = move |progress: &Arc<Progress>| {
+            let found = work(progress);
+            memory::release();
+            found
+        };
         Ok(Job::start_in(self.pool()?, name, &Arc::new(Progress::new()), work, move || wake()))
     }
 

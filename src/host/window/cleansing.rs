@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use bevy_ecs::prelude::Entity;
+use colvis_scan::memory;
 use glam::DVec3;
 use serde::Serialize;
 
@@ -113,6 +114,8 @@ impl Cleansing {
                 None => Arc::new(cleanse::cleanse(volume.voxels(), &lumen, progress)?),
             };
             let other = (!cleansed.changes.is_empty()).then(|| {
+                // What was needed to find the changes, before the box needs as much.
+                memory::release();
                 let part = boxed(volume.voxels(), &lumen, &cleansed.changes);
                 let other = volume.with_voxels(Arc::new(part));
                 light.prepare(&other);
