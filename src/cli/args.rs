@@ -9,13 +9,14 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::{ArgAction, Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 
+pub use crate::cli::batch::Step;
 pub use crate::cli::phantom_args::{PhantomArgs, PhantomFeature, PhantomPosition, PhantomSize};
-pub use crate::cli::values::{Pair, Point, SeriesChoice, Triple};
+pub use crate::cli::values::{Pair, Point, SeriesChoice, Shard, Triple};
 pub use crate::render::ImageSize;
 
 use crate::app::findings::Scheme;
 use crate::cli::messages::{failed, print};
-use crate::cli::values::{count, number, plane, seed, series, slab, steps, threads};
+use crate::cli::values::{bytes, count, number, plane, seconds, seed, series, shard, slab, steps, threads};
 use crate::cli::{Program, unbuilt};
 use crate::error::{Error, program_name, set_program_name};
 use crate::fields::CenterlineMethod;
@@ -104,6 +105,9 @@ pub enum Command {
     Measure(MeasureArgs),
     /// Write the report of a reading, and its findings for other programs
     Case(CaseArgs),
+    /// Make masks, centerlines, flights and more of many scans
+    #[command(after_help = crate::cli::batch::options_help())]
+    Batch(BatchArgs),
     /// Ask an archive (PACS) for scans, fetch them, send files to it
     #[command(after_help = ARCHIVE_SETTINGS)]
     Archive(ArchiveArgs),
@@ -459,6 +463,31 @@ Archives in the settings file (colvis/settings.toml in the folder for configurat
   cert = \"own.pem\"         our certificate, if the archive asks for one
   key = \"own.key\"          its key
   name = \"archive.local\"   the name in the archive's certificate, if it is not the host";
+
+/// `batch`'s arguments.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct BatchArgs {
+    /// Manifest: a CSV file with a row for each case
+    pub manifest: PathBuf,
+    /// Folder to write a folder for each case into
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// What to make of each scan [default: all but case]
+    #[arg(long, value_name = "STEP,…", value_delimiter = ',')]
+    pub r#do: Vec<Step>,
+    /// Only this share of the cases, counted from 1
+    #[arg(long, value_name = "I/N", value_parser = shard)]
+    pub shard: Option<Shard>,
+    /// Number of cases at once [default: as many as there are cores, with --threads each]
+    #[arg(long, value_name = "N", value_parser = threads, allow_negative_numbers = true)]
+    pub jobs: Option<usize>,
+    /// Memory that all cases together may take, such as 4G [default: what is free]
+    #[arg(long, value_name = "BYTES", value_parser = bytes)]
+    pub memory: Option<u64>,
+    /// The longest that a case may take, s
+    #[arg(long, value_name = "S", value_parser = seconds, allow_negative_numbers = true)]
+    pub timeout: Option<f64>,
+}
 
 /// `archive`'s arguments.
 #[derive(ClapArgs, Clone, Debug)]

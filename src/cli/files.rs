@@ -51,6 +51,7 @@ impl Files {
                 let is_get = a.action == ArchiveAction::Get;
                 none().reads(a.names.iter().filter(|_| !is_get)).writes(&a.out)
             }
+            Some(Command::Batch(a)) => none().reads([&a.manifest]).writes([&a.out]),
             Some(Command::Measure(a)) => none().reads([&a.input]).writes(&a.out).writes(&a.stats),
             Some(Command::Phantom(a)) => {
                 none().reads(&a.into).writes([&a.out]).writes(&a.twin).writes(&a.labels).writes(&a.truth)

@@ -8,7 +8,7 @@ use crate::cli::Program;
 use crate::cli::args::{self, Args};
 
 /// Options with a file that is read, as `command option`; all others are written. `*` stands for `fly` and its kin.
-const READ: [&str; 26] = [
+const READ: [&str; 27] = [
     "* input",
     "* answers",
     "* replay",
@@ -28,6 +28,7 @@ const READ: [&str; 26] = [
     "case input",
     "case findings",
     "case scheme",
+    "batch manifest",
     "archive names",
     "info input",
     "plane lumen",

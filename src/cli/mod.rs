@@ -3,6 +3,7 @@
 #[cfg(feature = "dicom")]
 mod archive;
 pub mod args;
+mod batch;
 mod candidates;
 mod case;
 mod centerline;
@@ -436,6 +437,7 @@ fn run(program: &Program, args: Args) -> Result<()> {
         Some(Command::Segment(a)) => segment::run(&a, &global, &progress),
         Some(Command::Measure(a)) => measure::run(&a, &global, &progress),
         Some(Command::Case(a)) => case::run(&a, &global, &progress),
+        Some(Command::Batch(a)) => batch::run(&a, &global, &progress),
         #[cfg(feature = "dicom")]
         Some(Command::Archive(a)) => archive::run(&a, &global, &progress),
         #[cfg(not(feature = "dicom"))]

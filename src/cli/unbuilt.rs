@@ -7,11 +7,12 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use crate::error::{Error, program_name};
 
 /// Planned commands.
-const COMMANDS: [&str; 4] = ["unfold", "match", "dataset", "batch"];
+const COMMANDS: [&str; 3] = ["unfold", "match", "dataset"];
 /// Planned options of built commands.
-const OPTIONS: [&str; 3] = ["--second", "--normals", "--truth"];
+const OPTIONS: [&str; 4] = ["--second", "--normals", "--truth", "--group"];
 /// Planned values of built options, and of the argument `<SUBJECT>`.
-const VALUES: [(&str, &str); 3] = [("--camera", "fisheye"), ("--camera", "panorama"), ("<SUBJECT>", "unfold")];
+const VALUES: [(&str, &str); 4] =
+    [("--camera", "fisheye"), ("--camera", "panorama"), ("<SUBJECT>", "unfold"), ("--do", "unfold")];
 
 /// Refuses a command that is not built yet; `place` is the command's position in the line. An input with such a name needs a path
 /// (`./unfold`) or an explicit command (`fly unfold`). Fails with status 2.

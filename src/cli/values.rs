@@ -72,6 +72,39 @@ pub(crate) fn number(s: &str) -> Result<f64, String> {
     numbers(s).map(|[n]| n)
 }
 
+/// A share of many cases, `I/N`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard {
+    /// Which, from 1.
+    pub number: u64,
+    /// How many there are.
+    pub count: u64,
+}
+
+/// A shard, `I/N` with I from 1 to N.
+pub(crate) fn shard(s: &str) -> Result<Shard, String> {
+    let parts = s.split_once('/').and_then(|(i, n)| Some((i.trim().parse().ok()?, n.trim().parse().ok()?)));
+    match parts {
+        Some((number, count)) if number >= 1 && number <= count => Ok(Shard { number, count }),
+        _ => Err("is not I/N with I from 1 to N".to_owned()),
+    }
+}
+
+/// A number of bytes, with K, M, G or T for powers of 1024.
+pub(crate) fn bytes(s: &str) -> Result<u64, String> {
+    let text = s.trim();
+    let unit = text.chars().last().and_then(|c| "KMGT".find(c.to_ascii_uppercase())).map(|n| 10 * (n as u32 + 1));
+    let number = if unit.is_some() { &text[..text.len() - 1] } else { text };
+    let number: f64 = number.trim().parse().map_err(|_| "is not a number of bytes such as 4G".to_owned())?;
+    let bytes = number * 2f64.powi(unit.unwrap_or(0) as i32);
+    if (1.0..1e18).contains(&bytes) { Ok(bytes as u64) } else { Err("is not a number of bytes such as 4G".to_owned()) }
+}
+
+/// A positive number of seconds.
+pub(crate) fn seconds(s: &str) -> Result<f64, String> {
+    number(s).and_then(|s| if s > 0.0 && s <= 1e9 { Ok(s) } else { Err("is not above 0".to_owned()) })
+}
+
 /// The plane of a slice: a name, or the normal `NX,NY,NZ`.
 pub(crate) fn plane(s: &str) -> Result<SlicePlane, String> {
     let plane = match s.to_ascii_lowercase().as_str() {

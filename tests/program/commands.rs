@@ -7,7 +7,7 @@ use crate::support::program::colvis;
 use crate::support::run::run;
 
 /// Each command with its options. A `!` marks what is not built.
-const COMMANDS: [(&str, &str); 21] = [
+const COMMANDS: [(&str, &str); 20] = [
     ("", "--threads --wall --spacing --hu --series --allow-gaps --fov --camera --seed --cleanse"),
     (
         "fly",
@@ -32,13 +32,13 @@ const COMMANDS: [(&str, &str); 21] = [
     ("candidates", "--out --gallery --max --detector --from --stats"),
     ("!match", ""),
     ("!dataset", ""),
-    ("!batch", ""),
-    ("!batch list.csv --out b/ --do segment --shard 1/2", ""),
+    ("batch", "--out --do --shard --jobs --memory --timeout !--group"),
 ];
 
 /// Options with a fixed set of values. A `!` marks what is not built.
-const VALUES: [(&[&str], &str); 14] = [
+const VALUES: [(&[&str], &str); 15] = [
     (&["archive"], "echo find get send"),
+    (&["batch", "--do"], "segment centerline cleanse fly candidates coverage surface case !unfold"),
     (&["fly", "--guide"], "tentacles potential path manual"),
     (&["fly", "--quality"], "high low adaptive reference"),
     (&["fly", "--preset"], "default colvis lean"),

@@ -2,6 +2,7 @@
 
 #[cfg(all(unix, feature = "dicom"))]
 mod archive;
+mod batch;
 mod candidates;
 mod case;
 #[cfg(feature = "dicom")]
