@@ -106,6 +106,12 @@ impl FlightApp {
         Ok(())
     }
 
+    /// Stops measuring coverage, and frees what that takes.
+    pub fn unwatch_coverage(&mut self) {
+        self.setup.scene.coverage = false;
+        self.app.camera().remove::<LiveCoverage>();
+    }
+
     /// Starts or stops painting the unseen wall over the camera's picture and over slices with marks. Returns the previous paint.
     ///
     /// # Errors

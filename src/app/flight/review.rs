@@ -169,6 +169,12 @@ impl FlightApp {
         self.setup.fields.walls().is_some() || self.toured.as_ref().is_some_and(|(of, _)| Arc::ptr_eq(of, gas))
     }
 
+    /// Frees the distances to the wall that were built for a tour.
+    pub(super) fn forget_walls_to_tour(&mut self) {
+        self.toured = None;
+        colvis_scan::memory::release();
+    }
+
     /// Adopts the distances to the wall of some gas, for tours through it.
     #[doc(hidden)]
     pub fn adopt_walls(&mut self, gas: Arc<Lumen>, walls: Arc<WallDistance>) {

@@ -96,11 +96,14 @@ impl ReviewRounds {
 
     /// Visits other places (world mm), too, on the next tour, such as those of candidates that a reader is unsure of. Returns the
     /// number of those that cannot be looked at: see [`Survey::stops_to_see`](super::Survey::stops_to_see).
-    pub fn visit(&mut self, flight: &FlightApp, places: &[DVec3]) -> usize {
-        let stops = flight.survey().stops_to_see(&self.covered, places);
+    ///
+    /// # Errors
+    /// Returns status 4 if interrupted.
+    pub fn visit(&mut self, flight: &FlightApp, places: &[DVec3]) -> Result<usize> {
+        let stops = flight.survey().stops_to_see(&self.covered, places)?;
         let before = self.also.len();
         self.also.extend(stops.into_iter().flatten());
-        places.len() - (self.also.len() - before)
+        Ok(places.len() - (self.also.len() - before))
     }
 
     /// Starts the next tour. Returns false if none is due.
@@ -149,6 +152,8 @@ impl ReviewRounds {
         let is_complete = flight.tour().is_none();
         flight.act(FlightCommand::EndReview)?;
         let Some(tour) = self.tours.last_mut() else { return Ok(()) };
+        // Seldom does another tour follow. What is seen is computed in the memory of the distances, which that tour would build again.
+        flight.forget_walls_to_tour();
         let before = self.covered.coverage.one_way;
         flight.survey().cover_more(&mut self.covered, self.fov_degrees, self.counted)?;
         self.counted = views(flight);

@@ -89,6 +89,7 @@ impl<'a> Survey<'a> {
             unseen.seen_until(self.looked_through(), views, &camera, false, progress)
         })?;
         part::add(&mut covered.sights, &numbers, &more);
+        drop((unseen, numbers, more));
         covered.coverage = covered.wall.coverage(&covered.sights);
         Ok(())
     }
@@ -133,11 +134,16 @@ impl<'a> Survey<'a> {
 
     /// Returns a stop that looks at each place (world mm) on the wall, such as that of a candidate; `None` for a place that is not
     /// on the wall that was flown along, or in front of which the camera does not fit.
-    pub fn stops_to_see(self, covered: &Covered, places: &[DVec3]) -> Vec<Option<ReviewStop>> {
-        let setup = &self.flight.setup;
-        let looks = missed::look_at(&covered.wall, places, self.scans(), setup.scene.body.radius_mm);
+    ///
+    /// # Errors
+    /// Returns status 4 if interrupted.
+    pub fn stops_to_see(self, covered: &Covered, places: &[DVec3]) -> Result<Vec<Option<ReviewStop>>> {
+        let FlightApp { setup, progress, .. } = self.flight;
+        let radius_mm = setup.scene.body.radius_mm;
+        let look = || missed::look_at(&covered.wall, places, self.scans(), radius_mm, progress);
+        let looks = progress.call(look)?;
         let stop = |(look, &place): (Option<LookFrom>, &DVec3)| Some(ReviewStop::new(look?.position, Some(place)));
-        looks.into_iter().zip(places).map(stop).collect()
+        Ok(looks.into_iter().zip(places).map(stop).collect())
     }
 
     /// Returns the same survey of the scan that is flown through, even while a window shows another one. `wall` is that of the gas

@@ -1,6 +1,7 @@
 //! The coverage of a flight, and the review of the missed patches.
 
 use std::path::PathBuf;
+use std::time::Instant;
 
 use glam::DVec3;
 use serde_json::{Map, Value, json};
@@ -16,6 +17,7 @@ use crate::components::flight::State;
 use crate::components::trail::Trail;
 use crate::coverage::LiveCoverage;
 use crate::error::Result;
+use crate::memory;
 use crate::output;
 use crate::polyps::answers::{Answer, Answers};
 use crate::progress::Progress;
@@ -53,6 +55,8 @@ pub(super) struct Stats {
     pub flight: Map<String, Value>,
     /// The coverage of the wall.
     pub wall: Map<String, Value>,
+    /// Time for computing the coverage after the flight, without its review, s.
+    pub covered_s: f64,
     /// Time for planning the tours of a review, s, and before it for the distances to the wall.
     pub took: Option<[f64; 2]>,
 }
@@ -79,25 +83,38 @@ impl Covering {
     #[cfg(any(feature = "window", test))]
     pub(super) fn flown(&self, flight: &FlightApp) -> Result<Stats> {
         let Setup { volume, lumen, plan, scene, .. } = flight.setup();
+        // The window is closed: nothing is left that interrupts.
+        let progress = &Progress::new();
         let gas = plan.gas.as_ref().unwrap_or(lumen);
         let mut live = match flight.camera::<LiveCoverage>() {
-            None => return self.first(flight, flight.survey(), None).map(|seen| seen.stats),
+            None => return self.first(flight, flight.survey(), None, progress).map(|seen| seen.stats),
             Some(watched) if watched.is_of(gas) => watched.afresh(),
-            Some(_) => LiveCoverage::of(volume, gas, &Progress::new())?,
+            Some(_) => LiveCoverage::of(volume, gas, progress)?,
         };
         live.set_fov(scene.image.fov_degrees);
         let survey = flight.survey().as_flown(&live);
-        self.first(flight, survey, Some(&live)).map(|seen| seen.stats)
+        self.first(flight, survey, Some(&live), progress).map(|seen| seen.stats)
     }
 
     /// Evaluates the coverage when the flight or a tour has ended, and starts the next tour. Returns its time limit, s; `None` if
     /// the review is over.
-    pub(super) fn onward(&self, flight: &mut FlightApp, seen: &mut Option<Seen>) -> Result<Option<f64>> {
+    pub(super) fn onward(
+        &self,
+        flight: &mut FlightApp,
+        seen: &mut Option<Seen>,
+        progress: &Progress,
+    ) -> Result<Option<f64>> {
         let Some(seen) = seen else {
-            let first = self.first(flight, flight.survey(), flight.camera::<LiveCoverage>())?;
-            let is_over = first.is_over;
+            // What the flight has freed is as large as the wall.
+            memory::release();
+            let first = self.first(flight, flight.survey(), flight.camera::<LiveCoverage>(), progress)?;
             let seen = seen.insert(first);
-            return if is_over { Ok(None) } else { set_out(flight, seen) };
+            if seen.is_over {
+                return Ok(None);
+            }
+            // A review has no use for it.
+            flight.unwatch_coverage();
+            return set_out(flight, seen);
         };
         if seen.is_over {
             return Ok(None);
@@ -107,7 +124,14 @@ impl Covering {
     }
 
     /// Evaluates what the flight has seen, continuing from its live coverage.
-    fn first(&self, flight: &FlightApp, survey: Survey<'_>, live: Option<&LiveCoverage>) -> Result<Seen> {
+    fn first(
+        &self,
+        flight: &FlightApp,
+        survey: Survey<'_>,
+        live: Option<&LiveCoverage>,
+        progress: &Progress,
+    ) -> Result<Seen> {
+        let begun = Instant::now();
         let covered = survey.coverage(self.fov_degrees, self.mesh.is_some())?;
         let mut wall = Map::new();
         let both = covered.as_ref().map(|c| c.coverage);
@@ -117,14 +141,15 @@ impl Covering {
             // Include the last views, which are still queued. The flight's own coverage stays as it is.
             let mut live = live.clone();
             let views = survey.trail().map_or(&[][..], Trail::views);
-            live.catch_up(&flight.setup().volume, views, flight.clock().seconds(), &Progress::new())?;
+            live.catch_up(&flight.setup().volume, views, flight.clock().seconds(), progress)?;
             wall.insert("coverage_live".to_owned(), json!(live.share()));
         }
         wall.insert("wall_mm2".to_owned(), json!(covered.as_ref().map_or(0.0, |c| c.wall.mm2())));
         let missed = covered.as_ref().map_or_else(|| Ok(Vec::new()), |c| survey.missed(c))?;
         wall.insert("missed".to_owned(), json!(missed));
+        let covered_s = begun.elapsed().as_secs_f64();
         match (&self.mesh, &covered) {
-            (Some(path), Some(c)) => c.wall.save(path, &c.sights)?,
+            (Some(path), Some(c)) => c.wall.save(path, &c.sights, progress)?,
             (Some(path), None) => say(&format!("{} was not written: nothing was flown", path.display())),
             (None, _) => {}
         }
@@ -138,10 +163,10 @@ impl Covering {
             }
         }
         let is_over = !self.review || covered.is_none() || flight.flight().state == State::Operator;
-        let stats = Stats { flight: flight_stats(flight), wall, took: self.review.then_some([0.0; 2]) };
+        let stats = Stats { flight: flight_stats(flight), wall, covered_s, took: self.review.then_some([0.0; 2]) };
         let mut rounds = covered.map(|c| ReviewRounds::new(flight, c, self.fov_degrees));
         if let Some(rounds) = rounds.as_mut().filter(|_| !is_over) {
-            let hidden = rounds.visit(flight, &self.unsure);
+            let hidden = rounds.visit(flight, &self.unsure)?;
             if hidden > 0 {
                 let all = self.unsure.len();
                 say(&format!(

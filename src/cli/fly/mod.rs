@@ -352,7 +352,7 @@ fn fly_with(
     let most = flight.setup().scene.play().map_or(HEADLESS_SECONDS, |p| p.takes_s() + 1.0);
     let mut seen = None;
     let mut onward = |flight: &mut FlightApp| match &covering {
-        Some(covering) => covering.onward(flight, &mut seen),
+        Some(covering) => covering.onward(flight, &mut seen, progress),
         None => Ok(None),
     };
     let seconds = args.seconds.unwrap_or(most);
@@ -413,6 +413,7 @@ fn stats(
             if let (Some([planned_s, distance_s]), Some(prepare)) = (covered.took, m.get_mut("prepare")) {
                 (prepare["review_s"], prepare["review_distance_s"]) = (json!(planned_s), json!(distance_s));
             }
+            m.insert("coverage_s".to_owned(), json!(covered.covered_s));
             m.extend(covered.flight.clone().into_iter().chain(covered.wall.clone()));
         }
         None => m.extend(flight_stats(flight)),

@@ -85,19 +85,6 @@ pub struct LookFrom {
 /// Returns the patches of at least `least_mm2` for whose triangles `is_seen` is false, the largest first. Triangles that share an edge
 /// belong to one patch. `along` returns where along the colon a place in the gas is (world mm), and the camera that flies in
 /// `scans` has a radius of `radius_mm`.
-pub fn missed<'a>(
-    wall: &Wall,
-    is_seen: impl Fn(usize) -> bool,
-    least_mm2: f64,
-    along: impl Fn(DVec3) -> Option<AlongColon> + Sync,
-    scans: impl Into<Scans<'a>>,
-    radius_mm: f64,
-) -> Vec<Missed> {
-    // Nothing interrupts it.
-    missed_until(wall, is_seen, least_mm2, along, scans, radius_mm, &Progress::new()).unwrap_or_default()
-}
-
-/// The same, and can be interrupted.
 ///
 /// # Errors
 /// Returns status 4 if interrupted.
@@ -116,15 +103,18 @@ pub fn missed_until<'a>(
         .into_par_iter()
         .map(|triangles| {
             progress.check()?;
-            let mm2 = |n: &u32| wall.mm2_at(*n as usize);
-            let area_mm2: f64 = triangles.iter().map(mm2).sum();
+            let area_mm2: f64 = triangles.iter().map(|&n| wall.mm2_at(n as usize)).sum();
             if area_mm2 < least_mm2 {
                 return Ok(None);
             }
-            let weighed = |of: fn(&Wall, usize) -> DVec3| -> DVec3 {
-                triangles.iter().map(|n| of(wall, *n as usize) * mm2(n)).sum::<DVec3>()
-            };
-            let (middle, normal) = (weighed(Wall::centroid) / area_mm2, weighed(Wall::normal).normalize_or_zero());
+            let (mut middle, mut normal) = (DVec3::ZERO, DVec3::ZERO);
+            for &n in &triangles {
+                let face = wall.face(n as usize);
+                let mm2 = f64::from(face.mm2);
+                middle += (wall.origin + face.centroid.as_dvec3()) * mm2;
+                normal += face.normal.as_dvec3() * mm2;
+            }
+            let (middle, normal) = (middle / area_mm2, normal.normalize_or_zero());
             let far = |n: &u32| wall.centroid(*n as usize).distance_squared(middle);
             let Some(&nearest) = triangles.iter().min_by(|a, b| far(a).total_cmp(&far(b))) else { return Ok(None) };
             let position = wall.centroid(nearest as usize);
@@ -171,19 +161,24 @@ pub fn to_visit(
 
 /// Returns where some places on or near a wall (world mm) are seen from by a camera of `radius_mm` that fits there; `None` for a place
 /// too far from the wall, or too narrow.
+///
+/// # Errors
+/// Returns status 4 if interrupted.
 pub fn look_at<'a>(
     wall: &Wall,
     places: &[DVec3],
     scans: impl Into<Scans<'a>>,
     radius_mm: f64,
-) -> Vec<Option<LookFrom>> {
+    progress: &Progress,
+) -> Result<Vec<Option<LookFrom>>> {
     let walls = Finders::new(scans.into(), radius_mm);
     let look = |&place: &DVec3| {
+        progress.check()?;
         let about = |n: &u32| wall.centroid(*n as usize).distance_squared(place) <= ABOUT_MM * ABOUT_MM;
         let triangles: Vec<u32> = (0..wall.len() as u32).filter(about).collect();
         let mm2 = |n: u32| wall.mm2_at(n as usize);
         let normal = triangles.iter().map(|&n| wall.normal(n as usize) * mm2(n)).sum::<DVec3>().normalize_or_zero();
-        if triangles.is_empty() { None } else { look_from(wall, &triangles, place, normal, &walls, radius_mm) }
+        Ok(if triangles.is_empty() { None } else { look_from(wall, &triangles, place, normal, &walls, radius_mm) })
     };
     places.par_iter().map(look).collect()
 }
@@ -222,7 +217,8 @@ fn patches(wall: &Wall, is_seen: impl Fn(usize) -> bool) -> Vec<Vec<u32>> {
             [[a, b], [b, c], [c, a]].map(|[p, q]| ([p.min(q), p.max(q)], n))
         })
         .collect();
-    sides.par_sort_unstable();
+    let vertices = |[p, q]: [u32; 2]| u64::from(p) << 32 | u64::from(q);
+    sides.par_sort_unstable_by_key(|side| vertices(side.0));
     for w in sides.windows(2).filter(|w| w[0].0 == w[1].0) {
         sets.join(w[0].1, w[1].1);
     }
@@ -245,42 +241,60 @@ fn look_from(
     radius_mm: f64,
 ) -> Option<LookFrom> {
     let every = triangles.len().div_ceil(TRIED);
-    let some: Vec<(DVec3, DVec3, f64)> = triangles
+    let some: Vec<Tried> = triangles
         .iter()
         .step_by(every)
-        .map(|&n| (wall.centroid(n as usize), wall.normal(n as usize), wall.mm2_at(n as usize)))
+        .map(|&n| (wall.face(n as usize), wall.mm2_at(n as usize)))
+        .map(|(face, mm2)| Tried { at: wall.origin + face.centroid.as_dvec3(), normal: face.normal.as_dvec3(), mm2 })
         .collect();
     let flattest = FLATTEST_DEGREES.to_radians().cos();
-    let seen = |from: DVec3| -> f64 {
+    // The most that can be seen from each place: what is in the picture from there, with nothing in the way.
+    let in_picture = |from: DVec3| {
         let view = Attitude::new(position - from, DVec3::Z);
-        let sees = |(at, normal, _): &&(DVec3, DVec3, f64)| {
-            let to = *at - from;
+        let is_in = move |tried: &&Tried| {
+            let to = tried.at - from;
             let d = to.length();
             let [right, up, ahead] = [view.right(), view.up, view.forward].map(|axis| to.dot(axis));
-            if right.abs() > ahead || up.abs() > ahead {
-                return false;
-            }
-            // Ended a little before the wall, whose voxels would count.
-            d <= REACH_MM && -to.dot(*normal) > flattest * d && !walls.shown.enters(from, *at - to * (0.6 / d.max(0.7)))
+            right.abs() <= ahead && up.abs() <= ahead && d <= REACH_MM && -to.dot(tried.normal) > flattest * d
         };
-        some.iter().filter(sees).map(|s| s.2).sum()
+        some.iter().filter(is_in)
     };
-    let mut best: Option<(f64, DVec3)> = None;
     let normal = normal.try_normalize().unwrap_or(DVec3::Z);
-    for away in AWAY_MM {
-        for direction in half_directions(WAYS, normal) {
-            let from = position + direction * away;
-            if !walls.fits(from, radius_mm + FREE_MM) {
-                continue;
-            }
-            // The nearer of two equal places.
-            let mm2 = seen(from);
-            if mm2 > 0.0 && best.is_none_or(|b| mm2 > b.0) {
-                best = Some((mm2, from));
-            }
+    let directions: Vec<DVec3> = half_directions(WAYS, normal).collect();
+    let around = AWAY_MM.iter().flat_map(|&away| directions.iter().map(move |&way| position + way * away));
+    let most = |from| in_picture(from).map(|tried| tried.mm2).sum::<f64>();
+    let mut places: Vec<(f64, usize, DVec3)> = around.enumerate().map(|(n, from)| (most(from), n, from)).collect();
+    // The most promising first: most of the others cannot be better.
+    places.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let mut best: Option<(f64, usize, DVec3)> = None;
+    for (most, n, from) in places {
+        // The nearer of two equal places.
+        let is_better = |mm2: f64| mm2 > 0.0 && best.is_none_or(|b| mm2 > b.0 || (mm2 == b.0 && n < b.1));
+        if best.is_some_and(|b| most < b.0) {
+            break;
+        }
+        if !is_better(most) || !walls.fits(from, radius_mm + FREE_MM) {
+            continue;
+        }
+        let is_free = |tried: &&Tried| {
+            let to = tried.at - from;
+            // Ended a little before the wall, whose voxels would count.
+            !walls.shown.enters(from, tried.at - to * (0.6 / to.length().max(0.7)))
+        };
+        let mm2 = in_picture(from).filter(is_free).map(|tried| tried.mm2).sum();
+        if is_better(mm2) {
+            best = Some((mm2, n, from));
         }
     }
-    let (_, from) = best?;
+    let (_, _, from) = best?;
     let attitude = Attitude::new(position - from, DVec3::Z);
     Some(LookFrom { position: from, forward: attitude.forward, up: attitude.up })
+}
+
+/// A triangle that places to look from are tried for.
+struct Tried {
+    /// Its centroid, world mm.
+    at: DVec3,
+    normal: DVec3,
+    mm2: f64,
 }

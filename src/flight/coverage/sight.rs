@@ -56,18 +56,6 @@ impl Wall {
     /// are not tested: the other triangles of a patch of which three are hidden from a view (different ones each time), and two of
     /// three views once a patch was hidden from the twelve nearest. In a colon this misses 0.3 % of the area and takes a thirtieth
     /// of the time.
-    pub fn seen<C: Camera + ?Sized>(
-        &self,
-        volume: &PreparedVolume,
-        views: &[(DVec3, Attitude)],
-        camera: &C,
-        count: bool,
-    ) -> Vec<Sight> {
-        // Nothing interrupts it.
-        self.seen_until(volume, views, camera, count, &Progress::new()).unwrap_or_default()
-    }
-
-    /// The same, and can be interrupted.
     ///
     /// # Errors
     /// Returns status 4 if interrupted.
@@ -91,101 +79,126 @@ impl Wall {
             blocks.push((block, here));
             rest = after;
         }
-        blocks.into_par_iter().try_for_each_init(Vec::new, |faces: &mut Vec<Face>, (block, sights)| {
-            progress.check()?;
-            let Block { low, high, .. } = self.blocks[block];
-            let middle = low.midpoint(high);
-            let mut near: Vec<&Eye> =
-                eyes.iter().filter(|e| e.at.distance_squared(e.at.clamp(low, high)) <= REACH * REACH).collect();
-            if near.is_empty() {
-                return Ok(());
-            }
-            // The nearest is the most likely to see it. Sorted stably, so that it does not depend on the threads.
-            near.sort_by(|a, b| a.at.distance_squared(middle).total_cmp(&b.at.distance_squared(middle)));
-            let inside: Vec<[bool; 2]> =
-                near.iter().map(|e| [true, false].map(|ahead| sight.may_see_block(block, e, ahead))).collect();
-            if !inside.as_flattened().contains(&true) && !count {
-                return Ok(());
-            }
-            let mut blocked = vec![f64::INFINITY; near.len()];
-            let first = self.patches[self.blocks[block].first as usize].first as usize;
-            // Each is tested from many views.
-            faces.clear();
-            faces.extend((first..first + sights.len()).map(|n| self.face(n)));
-            // The view that saw the last patch probably sees the next one, too.
-            let mut hints = [0; 2];
-            let mut left = Vec::new();
-            for patch in self.patches_of(block) {
-                let these = self.triangles_of(patch);
-                if count {
-                    for n in these.clone() {
-                        let sees = |(e, b): (&&Eye, &mut f64)| sight.is_seen(&faces[n - first], e, true, b);
-                        let all = near.iter().zip(&mut blocked).map(sees).filter(|seen| *seen).count();
-                        sights[n - first].ahead = all.min(usize::from(u16::MAX)) as u16;
+        blocks.into_par_iter().try_for_each_init(
+            <(Vec<Face>, Vec<u64>)>::default,
+            |(faces, order), (block, sights)| {
+                progress.check()?;
+                let Block { low, high, .. } = self.blocks[block];
+                let middle = low.midpoint(high);
+                let is_near = |e: &Eye| e.at.distance_squared(e.at.clamp(low, high)) <= REACH * REACH;
+                // The nearest is the most likely to see it. Of two at the same distance, the first: it must not depend on the threads. The bits
+                // of distances, which are never negative, have the same order as the distances.
+                let key = |(n, e): (usize, &Eye)| u64::from(e.at.distance_squared(middle).to_bits()) << 32 | n as u64;
+                order.clear();
+                order.extend(eyes.iter().enumerate().filter(|(_, e)| is_near(e)).map(key));
+                order.sort_unstable();
+                let (mut near, mut inside): (Vec<&Eye>, Vec<[bool; 2]>) = Default::default();
+                for key in &*order {
+                    let eye = &eyes[*key as u32 as usize];
+                    let sides = sight.may_see_block(block, eye);
+                    if count || sides[0] || sides[1] {
+                        near.push(eye);
+                        inside.push(sides);
                     }
                 }
-                for (ahead, hint) in [true, false].into_iter().zip(&mut hints) {
-                    left.clear();
-                    left.extend(these.clone().filter(|n| sights[n - first].ahead == 0));
-                    if ahead && count {
-                        continue;
-                    }
-                    let whole = left.len();
-                    let (mut turn, mut tried) = (0, 0);
-                    // The hint first, and not again.
-                    let start = *hint;
-                    let others = (0..near.len()).filter(|e| *e != start);
-                    let first_hint = (start < near.len()).then_some(start).into_iter();
-                    for e in first_hint.chain(others).filter(|e| inside[*e][usize::from(!ahead)]) {
-                        if left.is_empty() {
-                            break;
+                if near.is_empty() {
+                    return Ok(());
+                }
+                let mut blocked = vec![f64::INFINITY; near.len()];
+                let first = self.patches[self.blocks[block].first as usize].first as usize;
+                // Each is tested from many views.
+                faces.clear();
+                faces.extend((first..first + sights.len()).map(|n| self.face(n)));
+                // The view that saw the last patch probably sees the next one, too.
+                let mut hints = [0; 2];
+                let mut left = Vec::new();
+                for patch in self.patches_of(block) {
+                    let these = self.triangles_of(patch);
+                    if count {
+                        for n in these.clone() {
+                            let sees = |(e, b): (&&Eye, &mut f64)| sight.is_seen(&faces[n - first], e, true, b);
+                            let all = near.iter().zip(&mut blocked).map(sees).filter(|seen| *seen).count();
+                            sights[n - first].ahead = all.min(usize::from(u16::MAX)) as u16;
                         }
-                        tried += 1;
-                        // What is hidden from the nearest views is in all likelihood hidden from most of the others.
-                        if left.len() == whole && tried > NEAREST && tried % SOME != 0 {
+                    }
+                    for (ahead, hint) in [true, false].into_iter().zip(&mut hints) {
+                        left.clear();
+                        left.extend(these.clone().filter(|n| sights[n - first].ahead == 0));
+                        if ahead && count {
                             continue;
                         }
-                        let (eye, blocked) = (near[e], &mut blocked[e]);
-                        let mut sees = |n: usize| sight.is_seen(&faces[n - first], eye, ahead, blocked);
-                        let every = left.len().div_ceil(PROBES);
-                        turn = if turn + 1 < every { turn + 1 } else { 0 };
-                        if left.len() < whole || (turn..left.len()).step_by(every).any(|n| sees(left[n])) {
-                            *hint = e;
-                            left.retain(|&n| {
-                                let seen = sees(n);
-                                let sight = &mut sights[n - first];
-                                sight.ahead |= u16::from(seen && ahead);
-                                sight.either |= seen;
-                                !seen
-                            });
+                        let whole = left.len();
+                        let (mut turn, mut tried) = (0, 0);
+                        // The hint first, and not again.
+                        let start = *hint;
+                        let others = (0..near.len()).filter(|e| *e != start);
+                        let first_hint = (start < near.len()).then_some(start).into_iter();
+                        for e in first_hint.chain(others).filter(|e| inside[*e][usize::from(!ahead)]) {
+                            if left.is_empty() {
+                                break;
+                            }
+                            tried += 1;
+                            // What is hidden from the nearest views is in all likelihood hidden from most of the others.
+                            if left.len() == whole && tried > NEAREST && tried % SOME != 0 {
+                                continue;
+                            }
+                            let (eye, blocked) = (near[e], &mut blocked[e]);
+                            let mut sees = |n: usize| sight.is_seen(&faces[n - first], eye, ahead, blocked);
+                            let every = left.len().div_ceil(PROBES);
+                            turn = if turn + 1 < every { turn + 1 } else { 0 };
+                            if left.len() < whole || (turn..left.len()).step_by(every).any(|n| sees(left[n])) {
+                                *hint = e;
+                                left.retain(|&n| {
+                                    let seen = sees(n);
+                                    let sight = &mut sights[n - first];
+                                    sight.ahead |= u16::from(seen && ahead);
+                                    sight.either |= seen;
+                                    !seen
+                                });
+                            }
                         }
                     }
+                    these.for_each(|n| sights[n - first].either |= sights[n - first].ahead > 0);
                 }
-                these.for_each(|n| sights[n - first].either |= sights[n - first].ahead > 0);
-            }
-            Ok(())
-        })?;
+                Ok(())
+            },
+        )?;
         Ok(sights)
+    }
+
+    /// The same without a way to interrupt it, for tests.
+    #[doc(hidden)]
+    pub fn seen<C: Camera + ?Sized>(
+        &self,
+        volume: &PreparedVolume,
+        views: &[(DVec3, Attitude)],
+        camera: &C,
+        count: bool,
+    ) -> Vec<Sight> {
+        self.seen_until(volume, views, camera, count, &Progress::new()).unwrap_or_default()
     }
 
     /// Returns the shares of the area that were seen.
     pub fn coverage(&self, sights: &[Sight]) -> Coverage {
-        let all = self.mm2();
-        let share = |which: fn(&Sight) -> bool| {
-            if all > 0.0 { self.mm2_of(|n| which(&sights[n])) / all } else { 0.0 }
-        };
-        Coverage { one_way: share(|s| s.ahead > 0), both_ways: share(|s| s.either) }
+        let [mut all, mut ahead, mut either] = [0.0; 3];
+        self.each_mm2(|n, mm2| {
+            all += mm2;
+            ahead += if sights[n].ahead > 0 { mm2 } else { 0.0 };
+            either += if sights[n].either { mm2 } else { 0.0 };
+        });
+        let share = |seen: f64| if all > 0.0 { seen / all } else { 0.0 };
+        Coverage { one_way: share(ahead), both_ways: share(either) }
     }
 
     /// Writes the wall as PLY, with the number of views that see it (`seen`) on each face. Nothing is written in part.
     ///
     /// # Errors
-    /// Returns status 5 if the file cannot be written.
-    pub fn save(&self, path: &Path, sights: &[Sight]) -> Result<()> {
+    /// Returns status 5 if the file cannot be written, status 4 if interrupted.
+    pub fn save(&self, path: &Path, sights: &[Sight], progress: &Progress) -> Result<()> {
         let about = "the wall that was flown along, mm LPS; seen: number of places from which a face was seen";
         let far = is_far(self.origin, &self.places);
         let (mesh, seen) = ((self.origin, &self.places[..], &self.triangles[..]), |n: usize| sights[n].ahead);
-        output::write_whole(path, |w| write_ply(w, mesh, about, far, Some(("seen", &seen)), &Progress::new()))
+        output::write_whole(path, |w| write_ply(w, mesh, about, far, Some(("seen", &seen)), progress))
     }
 }
 
@@ -217,14 +230,16 @@ impl<'a, C: Camera + ?Sized> Sightline<'a, C> {
         eye.at.distance_squared(eye.at.clamp(low, high))
     }
 
-    /// False if no triangle of a block can be seen from a view that looks ahead or back, apart from its distance.
-    pub(super) fn may_see_block(&self, block: usize, eye: &Eye, ahead: bool) -> bool {
+    /// Returns whether a triangle of a block can be seen from a view, apart from its distance, looking ahead and looking back.
+    #[inline]
+    pub(super) fn may_see_block(&self, block: usize, eye: &Eye) -> [bool; 2] {
         let Block { low, high, .. } = self.wall.blocks[block];
         let (middle, radius) = (low.midpoint(high) - eye.at, 0.5 * low.distance(high));
-        let forward = eye.forward.dot(middle) * if ahead { 1.0 } else { -1.0 };
-        let Some(t) = self.tangent else { return true };
+        let Some(t) = self.tangent else { return [true; 2] };
         let far = radius * (1.0 + t * t).sqrt();
-        eye.right.dot(middle).abs() - t * forward <= far && eye.up.dot(middle).abs() - t * forward <= far
+        let [right, up] = [eye.right, eye.up].map(|axis| axis.dot(middle).abs());
+        let forward = t * eye.forward.dot(middle);
+        [right - forward <= far && up - forward <= far, right + forward <= far && up + forward <= far]
     }
 
     /// True if a triangle is within reach, faces the view and is inside the picture, looking ahead or back.

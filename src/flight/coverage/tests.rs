@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3, Vec3};
 
 use super::missed::{self, LEAST_MM2, Missed};
-use super::{Coverage, CoveragePaint, LiveCoverage, Sight, Wall, paint_slice};
+use super::{Coverage, CoveragePaint, LiveCoverage, LookFrom, Sight, Wall, paint_slice};
 use crate::components::still::{StillView, StillViews};
 use crate::dynamics::Attitude;
 use crate::fields::{AlongColon, ClearanceFinder, lumen};
@@ -171,9 +171,15 @@ fn what_takes_seconds_can_be_interrupted() {
     interrupted.cancel();
     let still: StillViews =
         views.iter().map(|&(position, attitude)| StillView { position, attitude, fov_degrees: 90.0 }).collect();
+    let numbers: Vec<u32> = (0..wall.len() as u32).collect();
+    let look_from = Some(LookFrom { position: DVec3::ZERO, forward: DVec3::Z, up: DVec3::X });
+    let (position, normal, triangles) = (wall.centroid(0), wall.normal(0), vec![0]);
+    let patches = [Missed { area_mm2: 1.0, position, normal, along: None, look_from, triangles }];
     let statuses = [
         wall.seen_until(&volume, &views, &camera, false, &interrupted).err(),
         missed::missed_until(&wall, |_| false, 1.0, |_| None, &volume, 1.5, &interrupted).err(),
+        missed::look_at(&wall, &[DVec3::ZERO], &volume, 1.5, &interrupted).err(),
+        missed::to_visit(&patches, &wall, &numbers, &volume, &camera, &interrupted).err(),
         live.catch_up(&volume, &views, 0.0, &interrupted).err(),
         live.see(&volume, &views, &still, 0.0, &interrupted).err(),
         LiveCoverage::of(&volume, &gas, &interrupted).err(),
@@ -225,7 +231,9 @@ fn a_pocket_that_was_missed_is_told_with_a_place_to_look_from() {
     let views = along_z([2.0, 97.0], 1.0);
     let (sights, coverage) = seen(&wall, &volume, &views, false);
     let walls = ClearanceFinder::new(volume.shared_voxels(), volume.transfer().iso() as f32, 3.0);
-    let missed = missed::missed(&wall, |n| sights[n].ahead > 0, LEAST_MM2, along_z_axis, &volume, 1.5);
+    let missed =
+        missed::missed_until(&wall, |n| sights[n].ahead > 0, LEAST_MM2, along_z_axis, &volume, 1.5, &Progress::new())
+            .unwrap();
     let place = |p: DVec3| p.x > R;
     let pocket = missed.iter().find(|m| place(m.position)).expect("the pocket's rear is not seen");
     assert!(missed.is_sorted_by(|a, b| a.area_mm2 >= b.area_mm2) && missed.iter().all(|m| m.area_mm2 >= LEAST_MM2));
@@ -257,7 +265,9 @@ fn a_pocket_that_was_missed_is_told_with_a_place_to_look_from() {
     assert_eq!(visited(&[narrow, pocket.clone(), beside.clone()]), [1]);
     assert_eq!(visited(&[beside]), [0]);
     // A place on the pocket's wall is looked at, too, and one that is nowhere is not.
-    let looks = missed::look_at(&wall, &[pocket.position, DVec3::splat(500.0), DVec3::NAN], &volume, 1.5);
+    let looks =
+        missed::look_at(&wall, &[pocket.position, DVec3::splat(500.0), DVec3::NAN], &volume, 1.5, &Progress::new())
+            .unwrap();
     let look = looks[0].unwrap();
     let to = pocket.position - look.position;
     assert!(to.normalize().dot(look.forward) > 0.999 && walls.at(look.position).mm >= 2.0);
@@ -270,8 +280,8 @@ fn a_pocket_that_was_missed_is_told_with_a_place_to_look_from() {
         pocket.triangles.iter().filter(|&&n| again[n as usize].ahead == 0).map(|&n| wall.mm2_at(n as usize)).sum();
     assert!(left < 0.6 * pocket.area_mm2 && after.one_way > coverage.one_way, "{left} of {} mm² left", pocket.area_mm2);
     // Everything seen: nothing is missed; nothing seen: all of the wall is one patch.
-    assert!(missed::missed(&wall, |_| true, 0.0, |_| None, &volume, 1.5).is_empty());
-    let all = missed::missed(&wall, |_| false, LEAST_MM2, |_| None, &volume, 1.5);
+    assert!(missed::missed_until(&wall, |_| true, 0.0, |_| None, &volume, 1.5, &Progress::new()).unwrap().is_empty());
+    let all = missed::missed_until(&wall, |_| false, LEAST_MM2, |_| None, &volume, 1.5, &Progress::new()).unwrap();
     assert!(all.len() == 1 && (all[0].area_mm2 / wall.mm2() - 1.0).abs() < 1e-6 && all[0].along.is_none());
 }
 

@@ -18,7 +18,7 @@ pub(super) const CELL_MM: f32 = 2.0;
 /// A block has this many cells on each side, as a power of two.
 const BLOCK_SHIFT: u32 = 2;
 
-/// Triangles that are measured at a time while patches are found. All at once would take as much memory as the wall.
+/// Triangles that are measured at a time. All at once would take as much memory as the wall.
 const AT_ONCE: usize = 1 << 16;
 
 /// The wall: triangles over shared vertices. Triangles are ordered by place, so that neighbours in memory are neighbours on the wall.
@@ -210,14 +210,31 @@ impl Wall {
 
     /// Returns the area of the triangles that `which` is true for, mm².
     pub fn mm2_of(&self, which: impl Fn(usize) -> bool) -> f64 {
-        // Measured by all threads, summed in order.
-        let areas: Vec<f32> = (0..self.len()).into_par_iter().map(|n| self.face(n).mm2).collect();
-        areas.into_iter().enumerate().filter(|(n, _)| which(*n)).map(|(_, mm2)| f64::from(mm2)).sum()
+        let mut sum = 0.0;
+        self.each_mm2(|n, mm2| sum += if which(n) { mm2 } else { 0.0 });
+        sum
+    }
+
+    /// Calls `each` with each triangle's number and area, mm², in their order; all threads measure.
+    pub(super) fn each_mm2(&self, mut each: impl FnMut(usize, f64)) {
+        let mut areas = Vec::new();
+        for begin in (0..self.len()).step_by(AT_ONCE) {
+            let some = begin..(begin + AT_ONCE).min(self.len());
+            some.into_par_iter().map(|n| self.area(n)).collect_into_vec(&mut areas);
+            areas.iter().zip(begin..).for_each(|(&mm2, n)| each(n, f64::from(mm2)));
+        }
+    }
+
+    /// Measures the area of a triangle alone, mm².
+    #[inline]
+    fn area(&self, n: usize) -> f32 {
+        let [a, b, c] = self.triangles[n].map(|v| self.places[v as usize]);
+        0.5 * (b - a).cross(c - a).length()
     }
 
     /// Returns the area of a triangle, mm².
     pub fn mm2_at(&self, n: usize) -> f64 {
-        f64::from(self.face(n).mm2)
+        f64::from(self.area(n))
     }
 
     /// Returns the centroid of a triangle, world, mm.

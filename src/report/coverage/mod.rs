@@ -98,7 +98,7 @@ fn measure(
     let looks: Vec<_> = planned.flat_map(|r| r.views.iter().copied()).collect();
     let visible = visible::visible(&flight, &[&flight.back[..], &looks].concat(), effort.choose(7.0, 4.0), progress)?;
     let reviewed = runs.iter().find(|r| r.guide == runs::PATH).map(|r| &r.reviewed[0]);
-    let rest = rest::rest(&flight, reviewed, &visible, &tagged);
+    let rest = rest::rest(&flight, reviewed, &visible, &tagged, progress)?;
     let cost = Cost {
         seconds: flight.seconds,
         megabytes: flight.megabytes,

@@ -5,7 +5,9 @@ use rayon::prelude::*;
 
 use super::runs::{Flight, Review, share};
 use super::visible::Visible;
+use crate::error::Result;
 use crate::fields::{ClearanceFinder, Lumen};
+use crate::progress::Progress;
 
 /// Distance from a triangle at which its gas, in front, and its fluid, behind, are looked up, mm.
 const ASIDE_MM: f64 = 0.8;
@@ -51,7 +53,16 @@ pub(super) struct Rest {
 }
 
 /// Divides the wall that was not seen one way. `tagged` is the lumen of the scan before cleansing.
-pub(super) fn rest(flight: &Flight, review: Option<&Review>, visible: &Visible, tagged: &Lumen) -> Rest {
+///
+/// # Errors
+/// Returns status 4 if interrupted.
+pub(super) fn rest(
+    flight: &Flight,
+    review: Option<&Review>,
+    visible: &Visible,
+    tagged: &Lumen,
+    progress: &Progress,
+) -> Result<Rest> {
     let (wall, sights) = (&flight.wall, &flight.sights[0]);
     let reason = |n: usize| match () {
         () if sights[n].ahead > 0 => None,
@@ -63,8 +74,9 @@ pub(super) fn rest(flight: &Flight, review: Option<&Review>, visible: &Visible, 
     let of = |r: usize| share(wall, |n| reason(n) == Some(r));
     let reasons = REASONS.iter().enumerate().map(|(r, &name)| Reason { name, share: of(r) }).collect();
     let mut parts = Vec::new();
-    for (criterion, names, which) in criteria(flight, tagged) {
+    for (criterion, names, which) in criteria(flight, tagged, progress)? {
         for (k, name) in names.into_iter().enumerate() {
+            progress.check()?;
             let of = |seen: &dyn Fn(usize) -> bool| share(wall, |n| usize::from(which[n]) == k && seen(n));
             let part = of(&|_| true);
             if part == 0.0 {
@@ -76,20 +88,21 @@ pub(super) fn rest(flight: &Flight, review: Option<&Review>, visible: &Visible, 
             parts.push(Part { criterion, name, share: part, seen, of_rest: (part - ahead) / rest });
         }
     }
-    Rest { reasons, parts }
+    Ok(Rest { reasons, parts })
 }
 
 /// A criterion, the names of its classes, and the class of each triangle.
 type Criterion = (&'static str, Vec<String>, Vec<u8>);
 
-fn criteria(flight: &Flight, tagged: &Lumen) -> Vec<Criterion> {
+fn criteria(flight: &Flight, tagged: &Lumen, progress: &Progress) -> Result<Vec<Criterion>> {
     let (wall, views, setup) = (&flight.wall, flight.views(), flight.app.setup());
     let gas = setup.plan.gas.as_ref().unwrap_or(&setup.lumen);
     let iso = setup.volume.transfer().iso() as f32;
     let walls = ClearanceFinder::new(setup.volume.shared_voxels(), iso, RADII_MM[2] + 1.0);
     let radii: Vec<f64> = views.iter().map(|v| walls.at(v.0).mm).collect();
-    let nearest: Vec<(f64, usize)> =
-        (0..wall.len()).into_par_iter().map(|n| nearest(wall.centroid(n), views)).collect();
+    // Each triangle with each view: seconds.
+    let nearest = |n: usize| progress.check().map(|()| nearest(wall.centroid(n), views));
+    let nearest = (0..wall.len()).into_par_iter().map(nearest).collect::<Result<Vec<(f64, usize)>>>()?;
     let class = |limits: [f64; 3], v: f64| limits.iter().filter(|l| v >= **l).count() as u8;
     let each = |of: &(dyn Fn(usize) -> u8 + Sync)| (0..wall.len()).into_par_iter().map(of).collect::<Vec<u8>>();
     let within = |[a, b, c]: [f64; 3]| {
@@ -113,7 +126,7 @@ fn criteria(flight: &Flight, tagged: &Lumen) -> Vec<Criterion> {
         found.map_or(u8::MAX, |s| s.min(usize::from(u8::MAX)) as u8)
     };
     let segments = gas.segments.iter().enumerate().map(|(n, s)| format!("{} ({:.0} ml)", n + 1, s.ml)).collect();
-    vec![
+    Ok(vec![
         ("faces", ["against the flight", "sideways", "along the flight"].map(str::to_owned).to_vec(), each(&facing)),
         ("distance to the nearest place of the flight", within(AWAY_MM), each(&|n| class(AWAY_MM, nearest[n].0))),
         (
@@ -123,7 +136,7 @@ fn criteria(flight: &Flight, tagged: &Lumen) -> Vec<Criterion> {
         ),
         ("as scanned", ["dry", "under tagged fluid"].map(str::to_owned).to_vec(), each(&was_fluid)),
         ("segment of gas", segments, each(&segment)),
-    ]
+    ])
 }
 
 /// Returns the distance to the nearest view, mm, and its number.

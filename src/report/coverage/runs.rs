@@ -73,8 +73,8 @@ impl Flight {
     }
 
     /// Returns what is seen from some views.
-    fn seen(&self, views: &[(DVec3, Attitude)], camera: &Perspective) -> Vec<Sight> {
-        self.wall.seen(&self.app.setup().volume, views, camera, false)
+    fn seen(&self, views: &[(DVec3, Attitude)], camera: &Perspective, progress: &Progress) -> Result<Vec<Sight>> {
+        self.wall.seen_until(&self.app.setup().volume, views, camera, false, progress)
     }
 }
 
@@ -151,7 +151,7 @@ pub(super) fn measured(scan: &mut Scan, guide: &'static str, progress: &Progress
     };
     let mut flight = Flight { app, back, wall: covered.wall, sights: vec![covered.sights], seconds, megabytes };
     for fov in &FOVS[1..] {
-        let sights = flight.seen(flight.views(), &Perspective::new(*fov)?);
+        let sights = flight.seen(flight.views(), &Perspective::new(*fov)?, progress)?;
         flight.sights.push(sights);
     }
     Ok(flight)
@@ -162,12 +162,11 @@ pub(super) fn runs(flight: &Flight, guide: &'static str, progress: &Progress) ->
     let (wall, f) = (&flight.wall, flight.app.flight());
     let mut runs = Vec::new();
     for (&fov_degrees, sights) in FOVS.iter().zip(&flight.sights) {
-        progress.check()?;
         let camera = Perspective::new(fov_degrees)?;
-        let back = flight.seen(&flight.back, &camera);
+        let back = flight.seen(&flight.back, &camera, progress)?;
         let ahead: Vec<bool> = sights.iter().map(|s| s.ahead > 0).collect();
         let both: Vec<bool> = ahead.iter().zip(back).map(|(a, b)| *a || b.ahead > 0).collect();
-        let missed = missed(flight, &ahead);
+        let missed = missed(flight, &ahead, progress)?;
         runs.push(Run {
             guide,
             fov_degrees,
@@ -177,7 +176,7 @@ pub(super) fn runs(flight: &Flight, guide: &'static str, progress: &Progress) ->
             coverage: wall.coverage(sights),
             there_and_back: share(wall, |n| both[n]),
             missed: (missed.len(), missed.iter().map(|m| m.area_mm2).sum()),
-            reviewed: [review(flight, ahead, &camera), review(flight, both, &camera)],
+            reviewed: [review(flight, ahead, &camera, progress)?, review(flight, both, &camera, progress)?],
         });
     }
     Ok(runs)
@@ -189,25 +188,26 @@ pub(super) fn share(wall: &Wall, which: impl Fn(usize) -> bool) -> f64 {
 }
 
 /// Returns the patches of at least 300 mm² that were not seen.
-fn missed(flight: &Flight, seen: &[bool]) -> Vec<Missed> {
+fn missed(flight: &Flight, seen: &[bool], progress: &Progress) -> Result<Vec<Missed>> {
     let setup = flight.app.setup();
-    missed::missed(&flight.wall, |n| seen[n], LEAST_MM2, |_| None, &setup.volume, setup.scene.body.radius_mm)
+    let radius_mm = setup.scene.body.radius_mm;
+    missed::missed_until(&flight.wall, |n| seen[n], LEAST_MM2, |_| None, &setup.volume, radius_mm, progress)
 }
 
 /// Looks at each patch that was missed from the place that is proposed for it, and again at what is missed after that.
 ///
 /// A reader is taken to these places one by one; here the views on the way there are not counted.
-fn review(flight: &Flight, mut seen: Vec<bool>, camera: &Perspective) -> Review {
+fn review(flight: &Flight, mut seen: Vec<bool>, camera: &Perspective, progress: &Progress) -> Result<Review> {
     let (wall, mut views) = (&flight.wall, Vec::new());
     for _ in 0..ROUNDS {
-        let looks = missed(flight, &seen).into_iter().filter_map(|m| m.look_from);
+        let looks = missed(flight, &seen, progress)?.into_iter().filter_map(|m| m.look_from);
         let looks: Vec<_> = looks.map(|l| (l.position, Attitude::new(l.forward, l.up))).collect();
         if looks.is_empty() {
             break;
         }
-        let sights = flight.seen(&looks, camera);
+        let sights = flight.seen(&looks, camera, progress)?;
         seen.iter_mut().zip(sights).for_each(|(seen, s)| *seen |= s.ahead > 0);
         views.extend(looks);
     }
-    Review { share: share(wall, |n| seen[n]), views, seen }
+    Ok(Review { share: share(wall, |n| seen[n]), views, seen })
 }
