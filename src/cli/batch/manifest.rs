@@ -137,7 +137,7 @@ mod tests {
             (b"path\na.nii\na.nii\n", "row 3"),
             (b"path,id\na.nii,../b\n", "row 2"),
             (b"path,id\na.nii,.b\n", "row 2"),
-            (b"path,options\na.nii,--frmo 1\n", "row 2: --frmo"),
+            (b"path,options\na.nii,--near 1\n", "row 2: --near"),
             (b"path,options\na.nii,--identity\n", "row 2: --identity"),
             (b"path,options\na.nii,--from\n", "row 2: --from"),
             (b"path,options\na.nii,\"--scene 'x\"\n", "row 2"),
