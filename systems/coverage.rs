@@ -119,7 +119,8 @@ mod tests {
             test.steps(1).unwrap();
         }
         let live = test.get::<LiveCoverage>();
-        let sights = live.wall().seen(&volume, test.get::<Trail>().views(), &Perspective::new(90.0).unwrap(), false);
+        let (camera, views) = (Perspective::new(90.0).unwrap(), test.get::<Trail>().views());
+        let sights = live.wall().seen(&volume, views, &camera, false, &Progress::new()).unwrap();
         let truth = live.wall().coverage(&sights).one_way;
         assert!(before > 0.5 && share(&test) > before + 0.05, "{before} and then {}", share(&test));
         assert!((share(&test) - truth).abs() < 0.005, "{} while flying, {truth} afterwards", share(&test));

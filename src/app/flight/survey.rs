@@ -68,7 +68,7 @@ impl<'a> Survey<'a> {
         progress.call(|| {
             let Some(wall) = self.wall()? else { return Ok(None) };
             progress.stage(LOOKING, 0);
-            let sights = wall.seen_until(self.looked_through(), views, &camera, count, progress)?;
+            let sights = wall.seen(self.looked_through(), views, &camera, count, progress)?;
             let coverage = wall.coverage(&sights);
             Ok((!wall.is_empty()).then_some(Covered { wall, sights, coverage }))
         })
@@ -86,7 +86,7 @@ impl<'a> Survey<'a> {
         let (progress, views) = (&self.flight.progress, views.get(since..).unwrap_or(&[]));
         let more = progress.call(|| {
             progress.stage(LOOKING, 0);
-            unseen.seen_until(self.looked_through(), views, &camera, false, progress)
+            unseen.seen(self.looked_through(), views, &camera, false, progress)
         })?;
         part::add(&mut covered.sights, &numbers, &more);
         drop((unseen, numbers, more));
@@ -231,8 +231,7 @@ impl<'a> Survey<'a> {
     ) -> Result<Vec<Missed>> {
         let FlightApp { setup, progress, .. } = self.flight;
         let radius_mm = setup.scene.body.radius_mm;
-        progress
-            .call(|| missed::missed_until(&covered.wall, is_seen, least_mm2, along, self.scans(), radius_mm, progress))
+        progress.call(|| missed::missed(&covered.wall, is_seen, least_mm2, along, self.scans(), radius_mm, progress))
     }
 
     /// Returns the share of the path behind the camera, 0 to 1, and the path's length, mm. They refer to the plan or the log that

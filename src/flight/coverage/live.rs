@@ -1,6 +1,6 @@
 //! Live coverage: what a flight has seen of the wall so far, patch by patch.
 //!
-//! The same test as [`Wall::seen_until`](super::Wall::seen_until), done as the views come and for one triangle of each patch (its middle),
+//! The same test as [`Wall::seen`](super::Wall::seen), done as the views come and for one triangle of each patch (its middle),
 //! which stands for the others: the error is that of a sample of the wall every 2 mm. Of a block of 8 mm, three patches are tested
 //! first. If all are hidden, as those of another loop of the colon are, the block is tested again with other patches once the
 //! camera has moved by a share of its distance; so is a hidden patch of a block in view. Near blocks are tested whole. A view takes

@@ -88,7 +88,7 @@ pub struct LookFrom {
 ///
 /// # Errors
 /// Returns status 4 if interrupted.
-pub fn missed_until<'a>(
+pub fn missed<'a>(
     wall: &Wall,
     is_seen: impl Fn(usize) -> bool,
     least_mm2: f64,
@@ -152,7 +152,7 @@ pub fn to_visit(
             continue;
         }
         let view = (from.position, Attitude::new(from.forward, from.up));
-        let sights = unseen.seen_until(volume, &[view], camera, false, progress)?;
+        let sights = unseen.seen(volume, &[view], camera, false, progress)?;
         sights.iter().zip(&mut is_shown).for_each(|(s, shown)| *shown |= s.ahead > 0);
         visited.push(n);
     }

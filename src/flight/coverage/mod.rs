@@ -2,7 +2,7 @@
 //!
 //! The wall is the surface at the middle of the opacity ramp of the gas that is flown, in triangles ([`Wall`]). A triangle is seen from
 //! a view if its centroid is within [`REACH_MM`] and inside the picture, its normal is less than [`FLATTEST_DEGREES`] from the line to
-//! the camera, and that line, ended half a voxel before the centroid, crosses no wall ([`Wall::seen_until`]). Patches of the wall that share
+//! the camera, and that line, ended half a voxel before the centroid, crosses no wall ([`Wall::seen`]). Patches of the wall that share
 //! edges and were not seen are [`missed`], and [`tour`] orders them for a review.
 //!
 //! Where tagged fluid was not cleansed, its surface is wall: it is what a reader sees. Where a window shows another scan than the one

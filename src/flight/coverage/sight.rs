@@ -59,7 +59,7 @@ impl Wall {
     ///
     /// # Errors
     /// Returns status 4 if interrupted.
-    pub fn seen_until<C: Camera + ?Sized>(
+    pub fn seen<C: Camera + ?Sized>(
         &self,
         volume: &PreparedVolume,
         views: &[(DVec3, Attitude)],
@@ -164,18 +164,6 @@ impl Wall {
             },
         )?;
         Ok(sights)
-    }
-
-    /// The same without a way to interrupt it, for tests.
-    #[doc(hidden)]
-    pub fn seen<C: Camera + ?Sized>(
-        &self,
-        volume: &PreparedVolume,
-        views: &[(DVec3, Attitude)],
-        camera: &C,
-        count: bool,
-    ) -> Vec<Sight> {
-        self.seen_until(volume, views, camera, count, &Progress::new()).unwrap_or_default()
     }
 
     /// Returns the shares of the area that were seen.

@@ -113,7 +113,8 @@ mod tests {
         for n in 1..=2 {
             assert!(live.looked() < n && live.look(&volume, &views[..n], 0.0) && live.looked() == n);
             let camera = Perspective::new(views[n - 1].fov_degrees).unwrap();
-            let sights = live.wall().seen(&volume, &[(room.centre(), attitude)], &camera, false);
+            let sights =
+                live.wall().seen(&volume, &[(room.centre(), attitude)], &camera, false, &Progress::new()).unwrap();
             let truth = live.wall().coverage(&sights).one_way;
             assert!((live.share() - truth).abs() < 0.01, "{} at {}: {truth}", live.share(), views[n - 1].fov_degrees);
         }

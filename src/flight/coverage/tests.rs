@@ -42,7 +42,7 @@ fn along_z([from, to]: [f64; 2], step: f64) -> Vec<(DVec3, Attitude)> {
 }
 
 fn seen(wall: &Wall, volume: &PreparedVolume, views: &[(DVec3, Attitude)], count: bool) -> (Vec<Sight>, Coverage) {
-    let sights = wall.seen(volume, views, &Perspective::new(90.0).unwrap(), count);
+    let sights = wall.seen(volume, views, &Perspective::new(90.0).unwrap(), count, &Progress::new()).unwrap();
     let coverage = wall.coverage(&sights);
     (sights, coverage)
 }
@@ -176,8 +176,8 @@ fn what_takes_seconds_can_be_interrupted() {
     let (position, normal, triangles) = (wall.centroid(0), wall.normal(0), vec![0]);
     let patches = [Missed { area_mm2: 1.0, position, normal, along: None, look_from, triangles }];
     let statuses = [
-        wall.seen_until(&volume, &views, &camera, false, &interrupted).err(),
-        missed::missed_until(&wall, |_| false, 1.0, |_| None, &volume, 1.5, &interrupted).err(),
+        wall.seen(&volume, &views, &camera, false, &interrupted).err(),
+        missed::missed(&wall, |_| false, 1.0, |_| None, &volume, 1.5, &interrupted).err(),
         missed::look_at(&wall, &[DVec3::ZERO], &volume, 1.5, &interrupted).err(),
         missed::to_visit(&patches, &wall, &numbers, &volume, &camera, &interrupted).err(),
         live.catch_up(&volume, &views, 0.0, &interrupted).err(),
@@ -190,8 +190,6 @@ fn what_takes_seconds_can_be_interrupted() {
     let mut other = LiveCoverage::of(&volume, &gas, &Progress::new()).unwrap();
     other.see(&volume, &views, &still, 0.0, &Progress::new()).unwrap();
     assert_eq!((live.share(), live.looked()), (other.share(), views.len()));
-    let sights = wall.seen_until(&volume, &views, &camera, false, &Progress::new()).unwrap();
-    assert_eq!(sights, wall.seen(&volume, &views, &camera, false));
 }
 
 #[test]
@@ -232,7 +230,7 @@ fn a_pocket_that_was_missed_is_told_with_a_place_to_look_from() {
     let (sights, coverage) = seen(&wall, &volume, &views, false);
     let walls = ClearanceFinder::new(volume.shared_voxels(), volume.transfer().iso() as f32, 3.0);
     let missed =
-        missed::missed_until(&wall, |n| sights[n].ahead > 0, LEAST_MM2, along_z_axis, &volume, 1.5, &Progress::new())
+        missed::missed(&wall, |n| sights[n].ahead > 0, LEAST_MM2, along_z_axis, &volume, 1.5, &Progress::new())
             .unwrap();
     let place = |p: DVec3| p.x > R;
     let pocket = missed.iter().find(|m| place(m.position)).expect("the pocket's rear is not seen");
@@ -250,7 +248,7 @@ fn a_pocket_that_was_missed_is_told_with_a_place_to_look_from() {
     let camera = Perspective::new(90.0).unwrap();
     let (unseen, numbers) = wall.part(|n| sights[n].ahead == 0);
     let view = (from.position, Attitude::new(from.forward, from.up));
-    let shown = unseen.seen(&volume, &[view], &camera, false);
+    let shown = unseen.seen(&volume, &[view], &camera, false, &Progress::new()).unwrap();
     let triangles: Vec<u32> = pocket
         .triangles
         .iter()
@@ -280,8 +278,8 @@ fn a_pocket_that_was_missed_is_told_with_a_place_to_look_from() {
         pocket.triangles.iter().filter(|&&n| again[n as usize].ahead == 0).map(|&n| wall.mm2_at(n as usize)).sum();
     assert!(left < 0.6 * pocket.area_mm2 && after.one_way > coverage.one_way, "{left} of {} mm² left", pocket.area_mm2);
     // Everything seen: nothing is missed; nothing seen: all of the wall is one patch.
-    assert!(missed::missed_until(&wall, |_| true, 0.0, |_| None, &volume, 1.5, &Progress::new()).unwrap().is_empty());
-    let all = missed::missed_until(&wall, |_| false, LEAST_MM2, |_| None, &volume, 1.5, &Progress::new()).unwrap();
+    assert!(missed::missed(&wall, |_| true, 0.0, |_| None, &volume, 1.5, &Progress::new()).unwrap().is_empty());
+    let all = missed::missed(&wall, |_| false, LEAST_MM2, |_| None, &volume, 1.5, &Progress::new()).unwrap();
     assert!(all.len() == 1 && (all[0].area_mm2 / wall.mm2() - 1.0).abs() < 1e-6 && all[0].along.is_none());
 }
 

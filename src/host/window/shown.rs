@@ -145,7 +145,7 @@ mod tests {
         let volume = scan.volume();
         let iso = volume.transfer().iso();
         let wall = crate::coverage::Wall::of(volume.voxels(), &lumen, &flown, iso, &Progress::new()).unwrap();
-        let sights = wall.seen(volume, views, &Perspective::new(90.0).unwrap(), false);
+        let sights = wall.seen(volume, views, &Perspective::new(90.0).unwrap(), false, &Progress::new()).unwrap();
         [wall.mm2(), wall.coverage(&sights).one_way]
     }
 

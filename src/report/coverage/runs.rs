@@ -74,7 +74,7 @@ impl Flight {
 
     /// Returns what is seen from some views.
     fn seen(&self, views: &[(DVec3, Attitude)], camera: &Perspective, progress: &Progress) -> Result<Vec<Sight>> {
-        self.wall.seen_until(&self.app.setup().volume, views, camera, false, progress)
+        self.wall.seen(&self.app.setup().volume, views, camera, false, progress)
     }
 }
 
@@ -191,7 +191,7 @@ pub(super) fn share(wall: &Wall, which: impl Fn(usize) -> bool) -> f64 {
 fn missed(flight: &Flight, seen: &[bool], progress: &Progress) -> Result<Vec<Missed>> {
     let setup = flight.app.setup();
     let radius_mm = setup.scene.body.radius_mm;
-    missed::missed_until(&flight.wall, |n| seen[n], LEAST_MM2, |_| None, &setup.volume, radius_mm, progress)
+    missed::missed(&flight.wall, |n| seen[n], LEAST_MM2, |_| None, &setup.volume, radius_mm, progress)
 }
 
 /// Looks at each patch that was missed from the place that is proposed for it, and again at what is missed after that.

@@ -65,7 +65,7 @@ pub(super) fn visible(
     let [coarse, fine] = places(flight, step_mm, progress)?;
     let mut seen = vec![false; wall.len()];
     let mut look = |places: &[(DVec3, Attitude)]| -> Result<f64> {
-        let sights = wall.seen_until(volume, places, &Everywhere, false, progress)?;
+        let sights = wall.seen(volume, places, &Everywhere, false, progress)?;
         seen.iter_mut().zip(sights).for_each(|(seen, s)| *seen |= s.ahead > 0);
         Ok(share(wall, |n| seen[n]))
     };

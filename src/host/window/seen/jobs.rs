@@ -81,7 +81,7 @@ pub(super) fn list(coverage: &LiveCoverage, flight: &FlightApp, background: &Bac
         let scans = Scans { shown: coverage.scan(&volume), flown: &volume };
         let is_missed = coverage.missed();
         let (wall, place) = (coverage.wall(), |p: DVec3| along.of(p));
-        let found = missed::missed_until(wall, |n| !is_missed[n], missed::LEAST_MM2, place, scans, radius, progress)?;
+        let found = missed::missed(wall, |n| !is_missed[n], missed::LEAST_MM2, place, scans, radius, progress)?;
         let (unseen, numbers) = wall.part(|n| is_missed[n]);
         let mut is_visited = vec![false; found.len()];
         for n in missed::to_visit(&found, &unseen, &numbers, scans.shown, coverage.camera(), progress)? {
