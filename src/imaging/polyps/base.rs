@@ -28,6 +28,8 @@ const FLAT: f64 = 30.0;
 const WIDER: f32 = 1.4;
 /// Ratio up to which a ring counts as no longer than the one before.
 const ALIKE: f32 = 1.15;
+/// Width of the bands of distance in which a search keeps what is not near yet, mm: less than an edge.
+const BAND_MM: f32 = 0.25;
 /// A narrowest ring farther than this from the cap is a stalk, mm.
 const STALK_MM: f32 = 1.5;
 
@@ -37,17 +39,65 @@ fn is_edge(wall: &Wall, v: u32) -> bool {
     k1 > 0.25 && k2.abs() < 0.2 * k1
 }
 
+/// Vertices to go on from, the nearest one first. Those that are not near yet are kept in bands of distance, unsorted.
+#[derive(Debug, Default)]
+struct Queue {
+    /// Distance and vertex as one number: distances are positive, and their bits are in the same order.
+    near: BinaryHeap<Reverse<u64>>,
+    bands: Vec<Vec<u64>>,
+    /// The band that is near.
+    at: usize,
+}
+
+impl Queue {
+    fn push(&mut self, mm: f32, v: u32) {
+        let entry = u64::from(mm.to_bits()) << 32 | u64::from(v);
+        let band = (mm / BAND_MM) as usize;
+        if band <= self.at {
+            return self.near.push(Reverse(entry));
+        }
+        if band >= self.bands.len() {
+            self.bands.resize_with(band + 1, Vec::new);
+        }
+        self.bands[band].push(entry);
+    }
+
+    /// Takes the nearest entry that `is_current`, given its distance and vertex; of equal ones the first vertex.
+    fn pop(&mut self, is_current: impl Fn(f32, u32) -> bool) -> Option<(f32, u32)> {
+        let parts = |entry: u64| (f32::from_bits((entry >> 32) as u32), entry as u32);
+        loop {
+            while let Some(Reverse(entry)) = self.near.pop() {
+                let (mm, v) = parts(entry);
+                if is_current(mm, v) {
+                    return Some((mm, v));
+                }
+            }
+            if self.at + 1 >= self.bands.len() {
+                self.at = 0;
+                return None;
+            }
+            self.at += 1;
+            let current = |&entry: &u64| {
+                let (mm, v) = parts(entry);
+                is_current(mm, v)
+            };
+            self.near.extend(self.bands[self.at].drain(..).filter(current).map(Reverse));
+        }
+    }
+}
+
 /// Memory for one cap after the other.
 #[derive(Debug)]
 pub(crate) struct Scratch {
     /// Distance along the wall from the cap, mm; infinite where it was not computed.
     mm: Vec<f32>,
     touched: Vec<u32>,
+    queue: Queue,
 }
 
 impl Scratch {
     pub(crate) fn new(wall: &Wall) -> Self {
-        Self { mm: vec![f32::INFINITY; wall.len()], touched: Vec::new() }
+        Self { mm: vec![f32::INFINITY; wall.len()], touched: Vec::new(), queue: Queue::default() }
     }
 
     /// Returns the way along the wall from the cap, mm.
@@ -58,31 +108,27 @@ impl Scratch {
     /// Measures the ways from `cap` along the edges of the wall (Dijkstra 1959), up to `far`. Returns the vertices in the
     /// order of their distance; those of the cap are at 0.
     pub(crate) fn spread(&mut self, wall: &Wall, cap: &[u32], far: f32) -> Vec<(f32, u32)> {
-        for v in self.touched.drain(..) {
-            self.mm[v as usize] = f32::INFINITY;
+        let Self { mm: all, touched, queue } = self;
+        for v in touched.drain(..) {
+            all[v as usize] = f32::INFINITY;
         }
-        let mut heap = BinaryHeap::new();
         for &v in cap {
-            self.mm[v as usize] = 0.0;
-            self.touched.push(v);
-            heap.push(Reverse((0u32, v)));
+            all[v as usize] = 0.0;
+            touched.push(v);
+            queue.push(0.0, v);
         }
         let mut order = Vec::new();
-        // Distances are positive: their bits are in the same order.
-        while let Some(Reverse((bits, v))) = heap.pop() {
-            let mm = f32::from_bits(bits);
-            if mm > self.mm[v as usize] {
-                continue;
-            }
+        while let Some((mm, v)) = queue.pop(|mm, v| mm <= all[v as usize]) {
             order.push((mm, v));
             for &n in wall.beside(v) {
                 let next = mm + wall.place(n).distance(wall.place(v));
-                if next < self.mm[n as usize] && next <= far {
-                    if self.mm[n as usize].is_infinite() {
-                        self.touched.push(n);
+                let known = &mut all[n as usize];
+                if next < *known && next <= far {
+                    if known.is_infinite() {
+                        touched.push(n);
                     }
-                    self.mm[n as usize] = next;
-                    heap.push(Reverse((next.to_bits(), n)));
+                    *known = next;
+                    queue.push(next, n);
                 }
             }
         }

@@ -35,8 +35,7 @@ fn cells(wall: &Wall) -> (Wall, Vec<u32>) {
         let cell = (wall.place(v) / CELL_MM).floor().as_ivec3();
         (cell.to_array(), facing as u8, normal[facing] > 0.0)
     };
-    let vertices = 0..wall.len() as u32;
-    let mut sorted: Vec<_> = vertices.clone().into_par_iter().map(|v| (key(v), v)).collect();
+    let mut sorted: Vec<_> = (0..wall.len() as u32).into_par_iter().map(|v| (key(v), v)).collect();
     sorted.par_sort_unstable();
     // Numbered by their first vertex.
     let mut groups: Vec<_> = sorted.chunk_by(|a, b| a.0 == b.0).collect();
@@ -56,10 +55,14 @@ fn cells(wall: &Wall) -> (Wall, Vec<u32>) {
         ((place * by, normal * by), area)
     };
     let ((places, normals), areas): ((Vec<_>, Vec<_>), Vec<_>) = groups.par_iter().map(mean).unzip();
-    let cells_of = &cells;
-    let beside = |v: u32| wall.beside(v).iter().map(move |&n| (cells_of[v as usize], cells_of[n as usize]));
-    let mut pairs: Vec<(u32, u32)> = vertices.into_par_iter().flat_map_iter(beside).filter(|p| p.0 != p.1).collect();
-    pairs.par_sort_unstable();
-    pairs.dedup();
-    (Wall::of_parts(wall.origin(), places, normals, areas, &pairs), cells)
+    let beside = |(n, group): (usize, &&[(_, u32)])| {
+        let all = group.iter().flat_map(|(_, v)| wall.beside(*v)).map(|&other| cells[other as usize]);
+        let mut beside: Vec<u32> = all.filter(|&other| other != n as u32).collect();
+        beside.sort_unstable();
+        beside.dedup();
+        beside.shrink_to_fit();
+        beside
+    };
+    let beside: Vec<Vec<u32>> = groups.par_iter().enumerate().map(beside).collect();
+    (Wall::of_parts(wall.origin(), places, normals, areas, &beside), cells)
 }

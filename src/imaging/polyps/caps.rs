@@ -4,6 +4,8 @@
 //! if they meet at more than [`MERGE`] of the lower peak: a dent that shallow is noise or the shape of one body. So a cap
 //! does not depend on where a search starts.
 
+use rayon::slice::ParallelSliceMut;
+
 use super::Wall;
 use crate::math::sets::Sets;
 
@@ -36,12 +38,14 @@ pub fn caps(wall: &Wall, least: f32, area: f32) -> Vec<Cap> {
 /// Like [`caps`], of a part of the wall, given by its vertices in their order.
 pub(crate) fn caps_among(wall: &Wall, part: impl Iterator<Item = u32> + Clone, least: f32, area: f32) -> Vec<Cap> {
     let k2 = |v: u32| wall.curvatures(v)[1];
-    let mut order: Vec<u32> = part.clone().filter(|&v| k2(v) > FLOOR).collect();
-    order.sort_unstable_by(|&a, &b| k2(b).total_cmp(&k2(a)).then(a.cmp(&b)));
+    // Falling curvatures, then rising numbers. The bits of positive numbers are in their order.
+    let key = |v: u32| u64::from(!k2(v).to_bits()) << 32 | u64::from(v);
+    let mut order: Vec<u64> = part.clone().filter(|&v| k2(v) > FLOOR).map(key).collect();
+    order.par_sort_unstable();
     // The flood that each vertex belongs to, and which flood that one has become a part of.
     let mut label = vec![NONE; wall.len()];
     let (mut floods, mut peaks) = (Sets::default(), Vec::new());
-    for &v in &order {
+    for v in order.iter().map(|&key| key as u32) {
         let mut best = NONE;
         for &n in wall.beside(v) {
             if label[n as usize] == NONE {

@@ -33,7 +33,7 @@ const AROUND: usize = 5;
 
 /// Returns how far each vertex sinks, mm.
 pub(crate) fn protrusions(wall: &Wall, progress: &Progress) -> Result<Vec<f32>> {
-    let mut places = wall.smooth_places();
+    let mut places = wall.smooth_places(progress)?;
     let mut sunk = vec![0f32; wall.len()];
     let first = (0..wall.len() as u32).filter(|&v| wall.curvatures(v)[1] > LEAST_K2).collect();
     let active = grown(wall, first, AROUND);

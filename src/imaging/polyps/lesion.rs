@@ -1,6 +1,7 @@
 //! A lesion's measures and features, from the cap that it is and the wall around it.
 
 use std::collections::BTreeSet;
+use std::ops::Range;
 
 use glam::DVec3;
 
@@ -17,6 +18,8 @@ use crate::volume::Volume;
 const HEAD: f32 = 0.3;
 /// A cap with less roundness or a lower shape index is a ridge. A flat lesion may come near.
 const RIDGE: [f64; 2] = [0.02, 0.8];
+/// Any length, mm.
+const ANY_MM: Range<f64> = f64::NEG_INFINITY..f64::INFINITY;
 /// Directions in which a head is measured.
 const DIRECTIONS: usize = 400;
 /// A head emerges from the wall this far below its cap, whose edge is rounded off, mm.
@@ -29,6 +32,23 @@ const WITHIN_MM: [f64; 2] = [0.2, 0.5];
 const ALONG: f64 = 0.85;
 /// The inside begins this far below the surface, mm.
 const INSIDE_MM: f64 = 1.4;
+
+/// What is asked of a lesion. One that is something else is not measured any further.
+#[derive(Clone, Debug)]
+pub(crate) struct Limits {
+    /// Least roundness and shape index of its cap.
+    pub ridge: [f64; 2],
+    /// Extent of its cap and height, mm.
+    pub extent_mm: Range<f64>,
+    pub height_mm: Range<f64>,
+}
+
+impl Limits {
+    /// Anything but a ridge.
+    pub(crate) const NO_RIDGE: Self = Self { ridge: RIDGE, extent_mm: ANY_MM, height_mm: ANY_MM };
+    /// Anything.
+    const NONE: Self = Self { ridge: [0.0; 2], ..Self::NO_RIDGE };
+}
 
 /// What was measured of a lesion. Positions are world, mm LPS.
 #[derive(Clone, Debug, PartialEq)]
@@ -91,15 +111,22 @@ impl Lesion {
     /// Measures the lesion that a cap belongs to. Returns `None` for a ridge, or if there is no wall around it or no
     /// ellipsoid fits.
     pub(crate) fn of(wall: &Wall, cap: &Cap, volume: &Volume, scratch: &mut Scratch) -> Option<Self> {
-        Self::shaped(wall, cap, volume, scratch, RIDGE)
+        Self::within(wall, cap, volume, scratch, &Limits::NO_RIDGE)
     }
 
     /// Like [`Lesion::of`], also for a ridge.
     pub(crate) fn of_any(wall: &Wall, cap: &Cap, volume: &Volume, scratch: &mut Scratch) -> Option<Self> {
-        Self::shaped(wall, cap, volume, scratch, [0.0; 2])
+        Self::within(wall, cap, volume, scratch, &Limits::NONE)
     }
 
-    fn shaped(wall: &Wall, cap: &Cap, volume: &Volume, scratch: &mut Scratch, ridge: [f64; 2]) -> Option<Self> {
+    /// Like [`Lesion::of`], for what is within some limits.
+    pub(crate) fn within(
+        wall: &Wall,
+        cap: &Cap,
+        volume: &Volume,
+        scratch: &mut Scratch,
+        limits: &Limits,
+    ) -> Option<Self> {
         if cap.vertices.is_empty() {
             return None;
         }
@@ -117,14 +144,23 @@ impl Lesion {
         let normal = cap.vertices.iter().map(|&v| wall.normal(v) * wall.area(v)).sum::<glam::Vec3>().as_dvec3() / area;
         let [least, most] = spread(wall, cap, normal.normalize_or_zero());
         let (roundness, shape_index) = (least / most.max(1e-9), mean(&|v| f64::from(wall.shape_index(v))));
-        if roundness < ridge[0] || shape_index < ridge[1] {
+        if roundness < limits.ridge[0] || shape_index < limits.ridge[1] {
             return None;
         }
-        let base = Base::of(wall, &cap.vertices, scratch)?;
-        let shape = fitted(wall, &head)?;
         let all: Vec<DVec3> = cap.vertices.iter().map(|&v| wall.place(v).as_dvec3()).collect();
         let own = farthest(&all);
         let extent = own.map_or(0.0, |f| f.0);
+        if !limits.extent_mm.contains(&extent) {
+            return None;
+        }
+        let base = Base::of(wall, &cap.vertices, scratch)?;
+        let top = |v: &u32| base.height(wall.place(*v).as_dvec3());
+        let highest = base.body.iter().copied().max_by(|a, b| top(a).total_cmp(&top(b)).then(b.cmp(a)))?;
+        let height_mm = top(&highest);
+        if !limits.height_mm.contains(&height_mm) {
+            return None;
+        }
+        let shape = fitted(wall, &head)?;
         let overlap = overlap(wall, cap, &shape);
         let found = widest(&shape, &base, lowest(wall, cap, base.axis) - EMERGES_MM)?;
         // Features are those of the surface; what is told of the lesion is that of its tissue.
@@ -133,9 +169,6 @@ impl Lesion {
             (true, Some(own)) => stretched(own, PLAQUE),
             _ => bounded(found, extent, overlap),
         };
-        let top = |v: &u32| base.height(wall.place(*v).as_dvec3());
-        let highest = base.body.iter().copied().max_by(|a, b| top(a).total_cmp(&top(b)).then(b.cmp(a)))?;
-        let height_mm = top(&highest);
         let volume_mm3 = raised(wall, &base, scratch);
 
         let hu = inside(wall, &head, &shape, volume);

@@ -21,6 +21,7 @@ mod wall;
 use std::collections::{BTreeMap, BTreeSet};
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::fields::Lumen;
@@ -142,15 +143,20 @@ fn misplaced(found: &[Candidate], colon: &Colon<'_>) -> Option<String> {
     let grid = colon.volume.grid();
     let last = DVec3::from_array(grid.dims().map(|n| n as f64 - 1.0));
     // Cells that hold wall: a place without any in its cell and those beside it is farther from it than a cell's edge.
-    let mut walled = BTreeSet::new();
-    let mut before = None;
-    for vertex in 0..colon.wall.len() as u32 {
+    let vertices = (0..colon.wall.len() as u32).into_par_iter();
+    let add = |(mut walled, before): (BTreeSet<[i64; 3]>, Option<[i64; 3]>), vertex| {
         let at = cell(colon.wall.world(vertex), WALL_MM);
         // Vertices that follow each other are near to each other.
-        if before.replace(at) != Some(at) {
+        if before != Some(at) {
             walled.insert(at);
         }
-    }
+        (walled, Some(at))
+    };
+    let parts = vertices.fold(Default::default, add).map(|part| part.0);
+    let walled = parts.reduce(BTreeSet::new, |mut all, part| {
+        all.extend(part);
+        all
+    });
     found.iter().map(|c| c.position).find_map(|p| {
         let voxel = grid.voxel(p);
         let why = if !p.is_finite() {

@@ -12,7 +12,7 @@
 
 use std::ops::Range;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::error::Result;
@@ -28,7 +28,7 @@ pub const SMOOTH_MM: f64 = 1.0;
 const MOST_STEPS: usize = 40;
 /// Maximum number for a coarser scale.
 const MOST_COARSE_STEPS: usize = 200;
-/// Vertices that a sum is split by, so that it does not depend on the threads.
+/// Vertices that work is split by: a sum then does not depend on the threads.
 const CHUNK: usize = 4096;
 
 /// The wall of a lumen. Vertices are numbered from 0; neighbours share an edge.
@@ -70,8 +70,11 @@ impl Wall {
     pub fn of_mesh(mesh: LumenMesh, progress: &Progress) -> Result<Self> {
         progress.stage("measuring the wall", 0);
         let (origin, places, triangles) = mesh.into_parts();
-        let (normals, areas) = facing(&places, &triangles);
-        let (begins, beside) = fans(places.len(), triangles);
+        // Each goes through the triangles in their order.
+        let ((normals, areas), (begins, sides)) =
+            rayon::join(|| facing(&places, &triangles), || sides(places.len(), &triangles));
+        drop(triangles);
+        let beside = fans(&begins, sides);
         let mut wall = Self { origin, places, normals, areas, begins, beside, ..Self::default() };
         progress.check()?;
         let steps = wall.smoothing_steps().min(MOST_STEPS);
@@ -79,23 +82,19 @@ impl Wall {
         Ok(wall)
     }
 
-    /// Creates a wall without triangles: `pairs` lists each pair of vertices beside each other twice, by the first one. Only smoothing and
-    /// curvatures of it mean something.
+    /// Creates a wall without triangles, given the vertices beside each one. Only smoothing and curvatures of it mean something.
     pub(super) fn of_parts(
         origin: DVec3,
         places: Vec<Vec3>,
         normals: Vec<Vec3>,
         areas: Vec<f32>,
-        pairs: &[(u32, u32)],
+        all_beside: &[Vec<u32>],
     ) -> Self {
         let mut begins = vec![0u32; places.len() + 1];
-        for (a, _) in pairs {
-            begins[*a as usize + 1] += 1;
+        for (n, beside) in all_beside.iter().enumerate() {
+            begins[n + 1] = begins[n] + beside.len() as u32;
         }
-        for n in 1..begins.len() {
-            begins[n] += begins[n - 1];
-        }
-        let beside = pairs.iter().map(|p| p.1).collect();
+        let beside = all_beside.concat();
         Self { origin, places, normals, areas, begins, beside, ..Self::default() }
     }
 
@@ -160,18 +159,11 @@ impl Wall {
 
     /// Smooths normals along the surface in some steps and computes the curvatures; positions stay.
     fn smooth(&mut self, steps: usize, progress: &Progress) -> Result<()> {
-        let mut spare = vec![Vec3::ZERO; self.len()];
-        let mut places = self.places.clone();
+        let places = self.smoothed(&self.places, steps, progress)?;
         // Not of unit length: a mean of normals is shorter, as a mean of positions is nearer to the middle.
-        let mut normals = std::mem::take(&mut self.normals);
-        for values in [&mut places, &mut normals] {
-            for _ in 0..steps {
-                self.means(values, &mut spare);
-                std::mem::swap(values, &mut spare);
-                progress.check()?;
-            }
-        }
-        drop(spare);
+        let facing = std::mem::take(&mut self.normals);
+        let mut normals = self.smoothed(&facing, steps, progress)?;
+        drop(facing);
         let curvatures = |v: usize| self.curvatures_at(v as u32, &places, &normals);
         self.curvatures = (0..self.len()).into_par_iter().map(curvatures).collect();
         drop(places);
@@ -271,16 +263,11 @@ impl Wall {
     }
 
     /// Returns the positions, as of [`Wall::place`], smoothed along the surface by [`SMOOTH_MM`].
-    pub(crate) fn smooth_places(&self) -> Vec<Vec3> {
-        let (mut places, mut spare) = (self.places.clone(), vec![Vec3::ZERO; self.len()]);
-        for _ in 0..self.smoothing_steps().min(MOST_STEPS) {
-            self.means(&places, &mut spare);
-            std::mem::swap(&mut places, &mut spare);
-        }
-        places
+    pub(crate) fn smooth_places(&self, progress: &Progress) -> Result<Vec<Vec3>> {
+        self.smoothed(&self.places, self.smoothing_steps().min(MOST_STEPS), progress)
     }
 
-    /// Returns the number of steps of [`Wall::means`] that make a Gaussian of [`SMOOTH_MM`].
+    /// Returns the number of steps of [`Wall::smoothed`] that make a Gaussian of [`SMOOTH_MM`].
     fn smoothing_steps(&self) -> usize {
         // Variance of one step along one axis of the surface, as a mean over the surface.
         let spread = |v: u32| {
@@ -300,17 +287,32 @@ impl Wall {
         if sum > 0.0 { ((SMOOTH_MM * SMOOTH_MM * area / sum).round() as usize).max(1) } else { 0 }
     }
 
-    /// Writes the means of the values of each vertex and those beside it, weighted by area, into `means`.
-    fn means(&self, values: &[Vec3], means: &mut [Vec3]) {
-        means.par_iter_mut().enumerate().for_each(|(v, mean)| {
-            let v = v as u32;
-            let (mut sum, mut area) = (values[v as usize] * self.area(v), self.area(v));
-            for &n in self.beside(v) {
-                sum += values[n as usize] * self.area(n);
-                area += self.area(n);
-            }
-            *mean = if area > 0.0 { sum / area } else { values[v as usize] };
-        });
+    /// Returns values after some steps. In each, a vertex takes the mean of its value and those beside it, weighted by area.
+    fn smoothed(&self, values: &[Vec3], steps: usize, progress: &Progress) -> Result<Vec<Vec3>> {
+        let Some(before_last) = steps.checked_sub(1) else { return Ok(values.to_vec()) };
+        // A value times its area, and the area: so much of the sum is the same for all vertices that read it.
+        let weighted = |value: Vec3, v: usize| (value * self.areas[v]).extend(self.areas[v]);
+        let sum =
+            |from: &[Vec4], v: usize| self.beside(v as u32).iter().fold(from[v], |sum, &n| sum + from[n as usize]);
+        let mut from: Vec<Vec4> = values.par_iter().enumerate().map(|(v, value)| weighted(*value, v)).collect();
+        let mut to = vec![Vec4::ZERO; if before_last > 0 { self.len() } else { 0 }];
+        for _ in 0..before_last {
+            to.par_iter_mut().enumerate().for_each(|(v, to)| {
+                let sum = sum(&from, v);
+                // Without an area, the value stays and counts for nothing.
+                *to = if sum.w > 0.0 { weighted((sum / sum.w).truncate(), v) } else { from[v] };
+            });
+            std::mem::swap(&mut from, &mut to);
+            progress.check()?;
+        }
+        drop(to);
+        let last = |(v, value): (usize, &Vec3)| {
+            let sum = sum(&from, v);
+            if sum.w > 0.0 { (sum / sum.w).truncate() } else { *value }
+        };
+        let out = values.par_iter().enumerate().map(last).collect();
+        progress.check()?;
+        Ok(out)
     }
 
     /// Returns the principal curvatures of a vertex, for other positions and normals than its own.
@@ -369,9 +371,8 @@ fn facing(places: &[Vec3], triangles: &[[u32; 3]]) -> (Vec<Vec3>, Vec<f32>) {
     (normals, areas)
 }
 
-/// Returns where the neighbours of each vertex begin, and the neighbours in their order around it. On a closed surface the triangles
-/// around a vertex form one fan.
-fn fans(vertices: usize, triangles: Vec<[u32; 3]>) -> (Vec<u32>, Vec<u32>) {
+/// Returns where the sides of each vertex begin, and the sides: the other two vertices of its triangles.
+fn sides(vertices: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<[u32; 2]>) {
     let mut begins = vec![0u32; vertices + 1];
     for &v in triangles.as_flattened() {
         begins[v as usize + 1] += 1;
@@ -381,25 +382,40 @@ fn fans(vertices: usize, triangles: Vec<[u32; 3]>) -> (Vec<u32>, Vec<u32>) {
     }
     let mut next = begins.clone();
     let mut sides = vec![[0u32; 2]; 3 * triangles.len()];
-    for &[a, b, c] in &triangles {
+    for &[a, b, c] in triangles {
         for (v, side) in [(a, [b, c]), (b, [c, a]), (c, [a, b])] {
             sides[next[v as usize] as usize] = side;
             next[v as usize] += 1;
         }
     }
-    drop((triangles, next));
-    // Each side begins where the one before ends.
-    for fan in begins.windows(2) {
-        let fan = &mut sides[fan[0] as usize..fan[1] as usize];
-        for n in 1..fan.len() {
-            let end = fan[n - 1][1];
-            if let Some(follows) = fan[n..].iter().position(|s| s[0] == end) {
-                fan.swap(n, n + follows);
+    (begins, sides)
+}
+
+/// Returns the neighbours of each vertex in their order around it, given its sides. On a closed surface the triangles around a vertex
+/// form one fan.
+fn fans(begins: &[u32], mut sides: Vec<[u32; 2]>) -> Vec<u32> {
+    let mut parts = Vec::new();
+    let mut rest = sides.as_mut_slice();
+    for first in (0..begins.len() - 1).step_by(CHUNK) {
+        let begins = &begins[first..(first + CHUNK + 1).min(begins.len())];
+        let (own, after) = rest.split_at_mut((begins[begins.len() - 1] - begins[0]) as usize);
+        parts.push((begins, own));
+        rest = after;
+    }
+    parts.into_par_iter().for_each(|(begins, sides)| {
+        // Each side begins where the one before ends.
+        for fan in begins.windows(2) {
+            let fan = &mut sides[(fan[0] - begins[0]) as usize..(fan[1] - begins[0]) as usize];
+            for n in 1..fan.len() {
+                let end = fan[n - 1][1];
+                if let Some(follows) = fan[n..].iter().position(|s| s[0] == end) {
+                    fan.swap(n, n + follows);
+                }
             }
         }
-    }
+    });
     let mut beside: Vec<u32> = sides.into_iter().map(|s| s[0]).collect();
     // It may have taken over the memory of the sides.
     beside.shrink_to_fit();
-    (begins, beside)
+    beside
 }

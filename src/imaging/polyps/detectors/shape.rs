@@ -1,10 +1,13 @@
 //! The default: caps of the wall, each ranked by its shape, the wall that it stands on, and its content.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::polyps::base::Scratch;
 use crate::polyps::broad::over_bowel;
+use crate::polyps::lesion::Limits;
 use crate::polyps::{Candidate, Cap, Colon, Detector, Lesion, Wall, caps, score, score::above_noise};
 use crate::progress::Progress;
 
@@ -23,17 +26,21 @@ const BROAD_MM2: f32 = 20.0;
 /// What is curved less than this share of its peak is none of it.
 const BROAD_EDGE: f32 = 0.15;
 /// Limits of a plaque's height and extent, mm, of its height for its extent, and of the gas in it.
-const PLAQUE_HIGH_MM: [f64; 2] = [0.8, 4.0];
-const PLAQUE_WIDE_MM: [f64; 2] = [6.0, 30.0];
+const PLAQUE_HIGH_MM: Range<f64> = 0.8..4.0;
+const PLAQUE_WIDE_MM: Range<f64> = 6.0..30.0;
 const PLAQUE_LOW: f64 = 0.4;
 const PLAQUE_AIR: f64 = 0.1;
 
 fn find(colon: &Colon<'_>, progress: &Progress) -> Result<Vec<Candidate>> {
-    let mut found = judged(colon, colon.wall, &caps(colon.wall, LEAST_K2, LEAST_MM2), progress)?;
-    let broad = over_bowel(colon.wall, progress)?;
+    // The flood of caps runs on one thread.
+    let (tops, broad) = rayon::join(|| caps(colon.wall, LEAST_K2, LEAST_MM2), || over_bowel(colon.wall, progress));
+    let broad = broad?;
+    let mut found = judged(colon, colon.wall, &tops, &Limits::NO_RIDGE, progress)?;
     let mut tops = caps(&broad, BROAD_K2, BROAD_MM2);
     tops.iter_mut().for_each(|cap| trim(cap, &broad));
-    let plaques = judged(colon, &broad, &tops, progress)?;
+    let (extent_mm, height_mm) = (PLAQUE_WIDE_MM, PLAQUE_HIGH_MM);
+    let limits = Limits { extent_mm, height_mm, ..Limits::NO_RIDGE };
+    let plaques = judged(colon, &broad, &tops, &limits, progress)?;
     found.extend(plaques.into_iter().filter(|c| c.lesion.as_ref().is_some_and(is_plaque)));
     Ok(above_noise(found))
 }
@@ -44,19 +51,17 @@ fn trim(cap: &mut Cap, wall: &Wall) {
     cap.area = cap.vertices.iter().map(|&v| wall.area(v)).sum();
 }
 
-/// True for a lesion that is broad and low; the finer scale sees all others better.
+/// True for a lesion within the limits of height and extent that is low for its extent; the finer scale sees all others better.
 fn is_plaque(lesion: &Lesion) -> bool {
     let f = |name| lesion.feature(name);
-    let is_low = (PLAQUE_HIGH_MM[0]..PLAQUE_HIGH_MM[1]).contains(&lesion.height_mm)
-        && lesion.height_mm < PLAQUE_LOW * f("extent_mm");
-    is_low && (PLAQUE_WIDE_MM[0]..PLAQUE_WIDE_MM[1]).contains(&f("extent_mm")) && f("share_air") < PLAQUE_AIR
+    lesion.height_mm < PLAQUE_LOW * f("extent_mm") && f("share_air") < PLAQUE_AIR
 }
 
 /// Returns the candidates among the caps of a wall.
-fn judged(colon: &Colon<'_>, wall: &Wall, all: &[Cap], progress: &Progress) -> Result<Vec<Candidate>> {
+fn judged(colon: &Colon<'_>, wall: &Wall, all: &[Cap], limits: &Limits, progress: &Progress) -> Result<Vec<Candidate>> {
     progress.check()?;
     let candidate = |scratch: &mut Scratch, cap| {
-        let lesion = Lesion::of(wall, cap, colon.volume, scratch)?;
+        let lesion = Lesion::within(wall, cap, colon.volume, scratch, limits)?;
         Some(Candidate { position: lesion.position, score: score(&lesion), lesion: Some(lesion) })
     };
     let found: Vec<Option<Candidate>> =

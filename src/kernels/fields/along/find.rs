@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::model::{Along, Line};
 use crate::error::Result;
-use crate::fields::centerline::{self, Centerline, End, NearestOnLines};
+use crate::fields::centerline::{self, Cells, Centerline, End, NearestOnLines};
 use crate::fields::lumen::{self, AsScanned, Lumen};
 use crate::fields::{Through, WallDistance, connection};
 use crate::progress::Progress;
@@ -88,11 +88,12 @@ impl Along {
             return Ok(Self::default());
         }
         let walls = WallDistance::of_lumen(volume, lumen, Through::GasAndFluid, progress)?;
+        let mut cells = Cells::of(&walls, 0.0, progress)?;
         let all = 0..lumen.segments.len();
         let whole = if lumen.ordered {
-            let guesses = connection::guesses(volume, lumen, all.clone(), progress)?;
+            let guesses = || connection::guesses(volume, lumen, all.clone(), progress);
             let ends = [lumen.segments[0].ends[0], lumen.segments[all.end - 1].ends[1]].map(End::Tip);
-            match centerline::between(&walls, ends[0], ends[1], &guesses, progress) {
+            match centerline::over_cells(&walls, &mut cells, ends, guesses, progress) {
                 Ok(line) => Some(line),
                 Err(e) if progress.is_cancelled() => return Err(e),
                 Err(_) => None,
@@ -102,24 +103,24 @@ impl Along {
         };
         let lines = match whole {
             Some(line) => vec![Line::new(line, lumen, all)],
-            None => Self::by_segment(&walls, lumen, progress)?,
+            None => Self::by_segment(&walls, &mut cells, lumen, progress)?,
         };
         let parts = match &lines[..] {
             [only] => lumen.names().on(&only.line.points),
             _ => Vec::new(),
         };
         let points: Vec<&[DVec3]> = lines.iter().map(|l| &l.line.points[..]).collect();
-        let nearest = Some(Arc::new(NearestOnLines::new(&walls, &points, progress)?));
+        let nearest = Some(Arc::new(NearestOnLines::new(&walls, cells, &points, progress)?));
         Ok(Self { lines, nearest, parts })
     }
 
     /// Finds a line through each segment.
-    fn by_segment(walls: &WallDistance, lumen: &Lumen, progress: &Progress) -> Result<Vec<Line>> {
+    fn by_segment(walls: &WallDistance, cells: &mut Cells, lumen: &Lumen, progress: &Progress) -> Result<Vec<Line>> {
         let mut lines = Vec::with_capacity(lumen.segments.len());
         for (n, segment) in lumen.segments.iter().enumerate() {
             progress.check()?;
-            let [a, b] = segment.ends.map(End::Tip);
-            let line = match centerline::between(walls, a, b, &[], progress) {
+            let ends = segment.ends.map(End::Tip);
+            let line = match centerline::over_cells(walls, cells, ends, || Ok(Vec::new()), progress) {
                 Ok(line) => line,
                 Err(e) if progress.is_cancelled() => return Err(e),
                 // Its ends are in one voxel, or it is too narrow to have a line: the coarse way.

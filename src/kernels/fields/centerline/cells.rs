@@ -124,6 +124,8 @@ pub(in crate::fields) struct Cells {
     first: Vec<u32>,
     dims: [usize; 3],
     neighbours: Neighbours,
+    /// What the links were made for: see [`Cells::link`].
+    linked_mm: f64,
 }
 
 impl Cells {
@@ -152,7 +154,8 @@ impl Cells {
         };
         let first = counts.chunks(GROUP).scan(0, before).collect();
         let places = nodes.iter().map(|n: &Node| walls.world(shape.widest(n))).collect();
-        let mut cells = Self { shape, nodes, places, counts, first, dims, neighbours: Neighbours::default() };
+        let neighbours = Neighbours::default();
+        let mut cells = Self { shape, nodes, places, counts, first, dims, neighbours, linked_mm: f64::NAN };
         cells.link(walls, least_mm);
         Ok(cells)
     }
@@ -174,9 +177,13 @@ impl Cells {
         self.shape.widest(&self.nodes[n as usize])
     }
 
-    /// Links the nodes in place of the links before. Two nodes are neighbours only if the opening between them lets a body pass that
+    /// Links the nodes in place of the links before, unless these are the same. Two nodes are neighbours only if the opening between them lets a body pass that
     /// needs `least_mm` on each side, by half a voxel: the middle of an opening lies between voxels.
     pub(super) fn link(&mut self, walls: &WallDistance, least_mm: f64) {
+        if self.linked_mm == least_mm {
+            return;
+        }
+        self.linked_mm = least_mm;
         let least_mm = least_mm - 0.5 * walls.grid().min_spacing();
         self.neighbours = Neighbours::default();
         let this = &*self;

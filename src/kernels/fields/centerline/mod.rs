@@ -21,8 +21,8 @@ use glam::DVec3;
 use super::{Lumen, WallDistance};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
-use cells::Cells;
 
+pub(in crate::fields) use cells::Cells;
 pub use model::{BODY_MM, Centerline, Narrow};
 pub(in crate::fields) use nearest::NearestOnLines;
 pub(in crate::fields) use polyline::{length, smoothed, spaced};
@@ -116,6 +116,17 @@ pub fn between(
     by(CenterlineMethod::PenalisedPath, walls, from, to, guesses, progress)
 }
 
+/// Same as [`between`], over the cells of the lumen. `guesses` are asked for only if there is no other path.
+pub(in crate::fields) fn over_cells(
+    walls: &WallDistance,
+    cells: &mut Cells,
+    [from, to]: [End; 2],
+    guesses: impl FnOnce() -> Result<Vec<Vec<DVec3>>>,
+    progress: &Progress,
+) -> Result<Centerline> {
+    search((CenterlineMethod::PenalisedPath, true), walls, cells, [from, to], guesses, progress)
+}
+
 /// Same as [`between`], with another method.
 ///
 /// # Errors
@@ -129,7 +140,8 @@ pub fn by(
     progress: &Progress,
 ) -> Result<Centerline> {
     let smooth = matches!(method, CenterlineMethod::PenalisedPath | CenterlineMethod::PeelOnion);
-    search(method, smooth, walls, [from, to], guesses, progress)
+    let mut cells = Cells::of(walls, 0.0, progress)?;
+    search((method, smooth), walls, &mut cells, [from, to], || Ok(guesses.to_vec()), progress)
 }
 
 /// Same as [`by`], for a body to follow. The line is tightened and leans away from walls, whichever method found it.
@@ -144,27 +156,28 @@ pub fn to_fly(
     to: End,
     progress: &Progress,
 ) -> Result<Centerline> {
-    search(method, true, walls, [from, to], &[], progress)
+    let mut cells = Cells::of(walls, 0.0, progress)?;
+    search((method, true), walls, &mut cells, [from, to], || Ok(Vec::new()), progress)
 }
 
 fn search(
-    method: CenterlineMethod,
-    smooth: bool,
+    (method, smooth): (CenterlineMethod, bool),
     walls: &WallDistance,
+    cells: &mut Cells,
     [from, to]: [End; 2],
-    guesses: &[Vec<DVec3>],
+    guesses: impl FnOnce() -> Result<Vec<Vec<DVec3>>>,
     progress: &Progress,
 ) -> Result<Centerline> {
     progress.stage("finding the centerline", 0);
-    let mut cells = Cells::of(walls, 0.0, progress)?;
-    let planner = Planner { method, smooth, walls, cells: &cells, progress };
-    let Some(line) = planner.route(from, to)? else { return planner.bridged(from, to, guesses) };
+    cells.link(walls, 0.0);
+    let planner = Planner { method, smooth, walls, cells, progress };
+    let Some(line) = planner.route(from, to)? else { return planner.bridged(from, to, guesses()?) };
     if line.impassable().is_empty() {
         return Ok(line);
     }
     // Through openings wide enough for the body, if there are any.
     cells.link(walls, BODY_MM);
-    Ok(Planner { method, smooth, walls, cells: &cells, progress }.route(from, to)?.unwrap_or(line))
+    Ok(Planner { method, smooth, walls, cells, progress }.route(from, to)?.unwrap_or(line))
 }
 
 /// Returns the two ends of the lumen's piece with the most voxels, world, mm, the lower one first. They are the
@@ -299,15 +312,14 @@ impl Planner<'_> {
     }
 
     /// Finds a line across gaps: the lumen's pieces in order, joined by guesses.
-    fn bridged(&self, from: End, to: End, guesses: &[Vec<DVec3>]) -> Result<Centerline> {
+    fn bridged(&self, from: End, to: End, mut open: Vec<Vec<DVec3>>) -> Result<Centerline> {
         let goal = self.piece(to.place());
         let mut line: Option<Centerline> = None;
         let mut here = from;
         let mut guess: Vec<DVec3> = Vec::new();
         // A guess within one piece is not needed.
         let ends = |g: &[DVec3]| Some([*g.first()?, *g.last()?]);
-        let leads = |g: &&Vec<DVec3>| ends(g).is_some_and(|[a, b]| self.piece(a) != self.piece(b));
-        let mut open: Vec<Vec<DVec3>> = guesses.iter().filter(leads).cloned().collect();
+        open.retain(|g| ends(g).is_some_and(|[a, b]| self.piece(a) != self.piece(b)));
         let starts = |g: &[DVec3]| g.first().and_then(|&a| self.piece(a));
         let stops = |g: &[DVec3]| g.last().and_then(|&b| self.piece(b));
         // Guesses follow each other along the colon, towards the cecum or back towards the rectum.

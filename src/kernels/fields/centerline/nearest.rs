@@ -37,8 +37,13 @@ struct Piece {
 impl NearestOnLines {
     /// Gives each cell of the lumen the point from which the way through the lumen is shortest, of all points of all `lines` (world,
     /// mm): by Dijkstra's algorithm over the cells' widest places, so to about half a cell.
-    pub(in crate::fields) fn new(walls: &WallDistance, lines: &[&[DVec3]], progress: &Progress) -> Result<Self> {
-        let cells = Cells::of(walls, 0.0, progress)?;
+    pub(in crate::fields) fn new(
+        walls: &WallDistance,
+        mut cells: Cells,
+        lines: &[&[DVec3]],
+        progress: &Progress,
+    ) -> Result<Self> {
+        cells.link(walls, 0.0);
         let mut of: Vec<Option<(f64, (u32, u32))>> = vec![None; cells.nodes.len()];
         for (l, line) in lines.iter().enumerate() {
             for (p, &at) in line.iter().enumerate() {

@@ -101,6 +101,26 @@ impl Block {
         self.dims.iter().product()
     }
 
+    /// Returns the part of this box within `reach` rows, along y and z, of the rows that hold a voxel of `mask`, which is of any box and
+    /// not empty. It has no margin.
+    pub(super) fn part_around(&self, mask: &Mask, reach: [usize; 3]) -> Self {
+        let ny = mask.block.dims[1];
+        let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
+        for (n, _) in mask.rows.iter().enumerate().filter(|(_, row)| **row != 0) {
+            let at = [n % ny, n / ny];
+            low = [0, 1].map(|a| low[a].min(at[a]));
+            high = [0, 1].map(|a| high[a].max(at[a]));
+        }
+        let mut part = Self { margin: [0; 3], ..*self };
+        for a in [1, 2] {
+            let (begin, end) = (self.first[a], self.first[a] + self.dims[a] as i64);
+            let [low, high] = [low, high].map(|rows| mask.block.first[a] + rows[a - 1] as i64);
+            part.first[a] = (low - reach[a] as i64).clamp(begin, end);
+            part.dims[a] = ((high + reach[a] as i64 + 1).clamp(begin, end) - part.first[a]) as usize;
+        }
+        part
+    }
+
     pub(super) fn strides(&self) -> [usize; 3] {
         [1, self.dims[0], self.dims[0] * self.dims[1]]
     }
@@ -132,14 +152,13 @@ impl Block {
         x + self.dims[0] * (y + self.dims[1] * z)
     }
 
-    /// Returns which rows of this box are within `reach` rows, along y and z, of one that holds a voxel of `mask`, which is of a box of
-    /// the same brick.
+    /// Returns which rows of this box are within `reach` rows, along y and z, of one that holds a voxel of `mask`, which is of any box.
     pub(super) fn rows_around(&self, mask: &Mask, reach: [usize; 3]) -> Vec<bool> {
         let [_, ny, nz] = self.dims;
         let other = mask.block;
         let mut near = vec![false; ny * nz];
         let around = |at: usize, a: usize| {
-            let at = (at + self.margin[a]) as i64 - other.margin[a] as i64;
+            let at = at as i64 + other.first[a] - self.first[a];
             let reach = reach[a] as i64;
             (at - reach).clamp(0, self.dims[a] as i64) as usize..(at + reach + 1).clamp(0, self.dims[a] as i64) as usize
         };
@@ -349,6 +368,13 @@ impl Mask {
     /// Adds the voxels of another set of the same block.
     pub(super) fn add(&mut self, other: &Self) {
         self.rows.iter_mut().zip(&other.rows).for_each(|(row, more)| *row |= more);
+    }
+
+    /// Returns the voxels of the set in the brick itself.
+    pub(super) fn own(&self) -> Self {
+        let mut own = Self { block: self.block, rows: vec![0; self.rows.len()] };
+        self.each_own(|n, _| own.set(n));
+        own
     }
 
     /// Calls `visit` with the index in the block of each voxel.

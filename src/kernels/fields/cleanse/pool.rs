@@ -486,7 +486,6 @@ impl Shared<'_> {
         // The depth along a row is linear.
         let depth_at = |v: [i64; 3]| pool.depth_at(v) * per_sigma;
         let slope = pool.depth.x as f32 * per_sigma;
-        let nx = block.dims[0];
         let mut changed: Vec<(usize, i16)> = Vec::new();
         let index = |v: [i64; 3]| grid.index(v[0] as usize, v[1] as usize, v[2] as usize);
         // Nothing but fluid, without gas near.
@@ -502,6 +501,14 @@ impl Shared<'_> {
             });
             return Changes::from_sorted(changed.into_iter());
         }
+        let wide_hu = wide.load(self.volume);
+        let near = self.downhill(&wide, &wide_hu, &mask);
+        let asked = near.own();
+        if asked.is_empty() {
+            return Changes::default();
+        }
+        let block = block.part_around(&asked, around);
+        let nx = block.dims[0];
         let hu = block.load(self.volume);
         let mut product = vec![0f32; block.len()];
         let mut square = vec![0f32; block.len()];
@@ -509,8 +516,6 @@ impl Shared<'_> {
         let mut own = vec![0f32; block.len()];
         let mut dark = vec![0f32; block.len()];
         let mut tag = vec![0f32; block.len()];
-        let wide_hu = wide.load(self.volume);
-        let near = self.downhill(&wide, &wide_hu, &mask);
         let risen = risen(pool, &wide, &wide_hu, &near, depth_at, slope).map_or_else(Risen::none, |[risen, fluid]| {
             let gas = wide.mask(self.lumen.gas(), |_| true);
             let materials = |v: [i64; 3], [dark, tag]: [&mut [f32]; 2]| {
@@ -587,13 +592,19 @@ impl Shared<'_> {
     /// it.
     fn brighter_within(&self, beside: Beside, pool: &Pool, wide: &Block) -> Vec<f32> {
         let per_sigma = (self.volume.grid().spacing()[pool.down.axis] / pool.blur_mm) as f32;
-        let mut fluid = wide.mask(self.lumen.fluid(), |n| self.split.labels[n] == Some(pool.label));
+        let of_pool = |block: &Block| block.mask(self.lumen.fluid(), |n| self.split.labels[n] == Some(pool.label));
+        let fluid = of_pool(wide);
+        let mut out = vec![0.0; wide.len()];
         if fluid.is_empty() {
-            return vec![0.0; wide.len()];
+            return out;
         }
-        let nx = wide.dims[0];
-        let scan = wide.load(self.volume);
-        let hu = beside.smooth(wide, scan.clone());
+        // Farther from the fluid nothing is found, and nothing there matters for what is found.
+        let (added, seen) = (reach(self.volume), beside.reach());
+        let block = &wide.part_around(&fluid, [0, 1, 2].map(|a| added[a] + 1 + seen[a].max(self.inner[a])));
+        let mut fluid = of_pool(block);
+        let nx = block.dims[0];
+        let scan = block.load(self.volume);
+        let hu = beside.smooth(block, scan.clone());
         // Some of the tag may be too faint for the lumen; what is so bright along an edge alone is not.
         let mut faint = fluid.dilated(reach(self.volume));
         let (mut own, mut row) = (vec![0f32; nx], usize::MAX);
@@ -603,26 +614,31 @@ impl Shared<'_> {
             }
             if n / nx != row {
                 row = n / nx;
-                pool.tissue.row(wide.voxel(row * nx), &mut own);
+                pool.tissue.row(block.voxel(row * nx), &mut own);
             }
             hu[n] > own[n % nx] + CONTRAST
         });
         faint = faint.eroded([1; 3]);
         if !faint.is_empty() {
-            let near = self.downhill(wide, &scan, &fluid);
+            let near = self.downhill(block, &scan, &fluid);
             faint.keep(|n| near.has(n));
             fluid.add(&faint.dilated([1; 3]));
         }
-        let mut usual = vec![0f32; wide.len()];
-        let needed = wide.rows_around(&fluid, beside.reach());
+        let mut usual = vec![0f32; block.len()];
+        let needed = block.rows_around(&fluid, beside.reach());
         for row in (0..needed.len()).filter(|row| needed[*row]) {
-            pool.tag.row(wide.voxel(row * nx), &mut usual[row * nx..(row + 1) * nx]);
+            pool.tag.row(block.voxel(row * nx), &mut usual[row * nx..(row + 1) * nx]);
         }
         let mut deep = fluid.clone();
-        deep.keep(|n| pool.depth_at(wide.voxel(n)) * per_sigma > DEEP);
+        deep.keep(|n| pool.depth_at(block.voxel(n)) * per_sigma > DEEP);
         let mut pure = fluid.eroded(self.inner);
         pure.keep(|n| deep.has(n));
-        beside.brighter(wide, &hu, &usual, [&fluid, &deep, &pure])
+        let found = beside.brighter(block, &hu, &usual, [&fluid, &deep, &pure]);
+        for (n, row) in found.chunks_exact(nx).enumerate() {
+            let at = wide.index(block.voxel(n * nx));
+            out[at..at + nx].copy_from_slice(row);
+        }
+        out
     }
 
     /// Returns what lies around fluid: the voxels within reach to which values never rise on the way, but for texture. What rises

@@ -5,10 +5,12 @@
 
 use std::collections::VecDeque;
 
+use rayon::prelude::*;
+
 use crate::error::Result;
 use crate::fields::Lumen;
 use crate::fields::lumen::frame::{AxisDirection, Frame};
-use crate::fields::lumen::runs::{Rows, touching};
+use crate::fields::lumen::runs::{Rows, Run, touching};
 use crate::math::sets::Sets;
 use crate::progress::Progress;
 use crate::volume::Grid;
@@ -36,25 +38,30 @@ pub(super) fn split(grid: &Grid, lumen: &Lumen, progress: &Progress) -> Result<O
     let step = down.step();
     let [b, c] = [(down.axis + 1) % 3, (down.axis + 2) % 3];
     // Tops of columns: (across, across, height) and the run.
-    let mut tops: Vec<([i64; 3], u32)> = Vec::new();
-    for (n, (j, k, r)) in fluid.iter().enumerate() {
+    let tops_of = |k: usize| {
         progress.check()?;
-        for i in r.range() {
-            let at = |m: i64| [i as i64 - m * step[0], j as i64 - m * step[1], k as i64 - m * step[2]];
-            let [x, y, z] = at(1);
-            if fluid.find(x, y, z).is_some() {
-                continue;
-            }
-            let is_gas = |m: i64| {
-                let [x, y, z] = at(m);
-                lumen.gas().find(x, y, z).is_some()
-            };
-            if (1..=GAP).any(is_gas) {
-                let v = at(0);
-                tops.push(([v[b], v[c], v[down.axis]], n as u32));
+        let mut tops: Vec<([i64; 3], u32)> = Vec::new();
+        for (j, n) in (0..fluid.dims()[1]).flat_map(|j| fluid.row_range(j, k).map(move |n| (j, n))) {
+            for i in fluid.runs()[n].range() {
+                let at = |m: i64| [i as i64 - m * step[0], j as i64 - m * step[1], k as i64 - m * step[2]];
+                let [x, y, z] = at(1);
+                if fluid.find(x, y, z).is_some() {
+                    continue;
+                }
+                let is_gas = |m: i64| {
+                    let [x, y, z] = at(m);
+                    lumen.gas().find(x, y, z).is_some()
+                };
+                if (1..=GAP).any(is_gas) {
+                    let v = at(0);
+                    tops.push(([v[b], v[c], v[down.axis]], n as u32));
+                }
             }
         }
-    }
+        Ok(tops)
+    };
+    let slices: Vec<Vec<_>> = (0..fluid.dims()[2]).into_par_iter().map(tops_of).collect::<Result<_>>()?;
+    let mut tops = slices.concat();
     tops.sort_unstable();
     progress.check()?;
     let mut sets = Sets::new(tops.len());
@@ -123,12 +130,22 @@ fn neighbours(rows: &Rows) -> Vec<Vec<u32>> {
 
 /// Returns the direction in which gravity pulls: away from the gas above the fluid.
 fn downwards(lumen: &Lumen, frame: Frame) -> Option<AxisDirection> {
+    let gas = lumen.gas();
+    let [_, ny, nz] = gas.dims();
     let above = |down: AxisDirection| {
         let step = down.step().map(|s| -GAP * s);
-        let is_gas = |i: usize, j: usize, k: usize| {
-            lumen.gas().find(i as i64 + step[0], j as i64 + step[1], k as i64 + step[2]).is_some()
+        let count = |(j, k, r): (usize, usize, Run)| {
+            let (j, k) = (j.wrapping_add_signed(step[1] as isize), k.wrapping_add_signed(step[2] as isize));
+            if j >= ny || k >= nz {
+                return 0;
+            }
+            let [start, end] = [r.start, r.end].map(|x| i64::from(x) + step[0]);
+            let row = gas.row(j, k);
+            let from = row.partition_point(|g| i64::from(g.end) <= start);
+            let near = row[from..].iter().take_while(|g| i64::from(g.start) < end);
+            near.map(|g| (i64::from(g.end).min(end) - i64::from(g.start).max(start)) as usize).sum()
         };
-        lumen.fluid().iter().map(|(j, k, r)| r.range().filter(|&i| is_gas(i, j, k)).count()).sum::<usize>()
+        lumen.fluid().iter().map(count).sum::<usize>()
     };
     let sides = [frame.posterior, frame.posterior.back(), frame.left, frame.left.back()].map(|d| (above(d), d));
     let (count, down) = sides.into_iter().reduce(|a, b| if b.0 > a.0 { b } else { a })?;

@@ -115,8 +115,12 @@ impl Bits {
     }
 
     pub(super) fn fill(&mut self, voxels: Range<usize>) {
-        for n in voxels {
-            self.0[n / 64] |= 1 << (n % 64);
+        let mut from = voxels.start;
+        while from < voxels.end {
+            // A word at a time.
+            let end = voxels.end.min(from / 64 * 64 + 64);
+            self.0[from / 64] |= u64::MAX >> (64 - (end - from)) << (from % 64);
+            from = end;
         }
     }
 }

@@ -50,24 +50,35 @@ impl Walls<'_> {
         if self.hu.is_some() { 0.0 } else { 0.5 }
     }
 
-    /// Calls `visit(line, x, place)` for every crossing between line `n` and the next. Lines are given as the bits of
-    /// rows; `place` is counted in lines.
+    /// Calls `visit(x, place)` for every crossing between line `n` and the next. Lines are given as the bits of rows; `place` is counted
+    /// in lines.
     #[inline]
     fn crossings(&self, lines: &Lines, n: usize, mut visit: impl FnMut(usize, f32)) {
         let (a, b) = (lines.row(self.inside, n), lines.row(self.inside, n + 1));
-        let (base, next) = (lines.base(n), lines.base(n + 1));
         for (w, (&a, &b)) in a.iter().zip(b).enumerate() {
-            each_bit(a ^ b, |bit| {
-                let x = 64 * w + bit;
-                let first_inside = a >> bit & 1 == 1;
-                let place = if first_inside {
-                    n as f32 + self.fraction(base + x, next + x)
-                } else {
-                    (n + 1) as f32 - self.fraction(next + x, base + x)
-                };
-                visit(x, place);
-            });
+            each_bit(a ^ b, |bit| visit(64 * w + bit, self.place(lines, n, 64 * w + bit, a >> bit & 1 == 1)));
         }
+    }
+
+    /// Same as [`Walls::crossings`] among the voxels `open` of a row, which are closed there. Returns false once none is open.
+    #[inline]
+    fn nearest(&self, lines: &Lines, n: usize, open: &mut [u64], mut visit: impl FnMut(usize, f32)) -> bool {
+        let (a, b) = (lines.row(self.inside, n), lines.row(self.inside, n + 1));
+        let mut any = 0;
+        for (w, (open, (&a, &b))) in open.iter_mut().zip(a.iter().zip(b)).enumerate() {
+            let here = (a ^ b) & *open;
+            each_bit(here, |bit| visit(64 * w + bit, self.place(lines, n, 64 * w + bit, a >> bit & 1 == 1)));
+            *open &= !here;
+            any |= *open;
+        }
+        any != 0
+    }
+
+    /// Returns the place of the crossing at `x` between line `n` and the next, counted in lines.
+    #[inline]
+    fn place(&self, lines: &Lines, n: usize, x: usize, first_inside: bool) -> f32 {
+        let (here, next) = (lines.base(n) + x, lines.base(n + 1) + x);
+        if first_inside { n as f32 + self.fraction(here, next) } else { (n + 1) as f32 - self.fraction(next, here) }
     }
 }
 
@@ -137,21 +148,45 @@ impl Window {
     }
 }
 
-/// Computes squared distances along the lines' axis to the nearest crossing on it, mm², for the lines `part` of the window.
-fn scan(walls: &Walls, lines: &Lines, window: &Window, part: &Range<usize>, spacing: f32, out: &mut Vec<f32>) {
+/// Computes squared distances along the lines' axis to the nearest crossing on it, mm², for the lines `part` of the window. Of the lines
+/// before and behind the part, only what is nearest to voxels of `asked` is read.
+fn scan(
+    (walls, asked): (&Walls, &VoxelSet),
+    lines: &Lines,
+    window: &Window,
+    part: &Range<usize>,
+    spacing: f32,
+    out: &mut Vec<f32>,
+) {
     let width = window.width();
     out.clear();
     out.resize(part.len() * width, f32::INFINITY);
     let (first, last) = (window.lines.start, window.lines.end - 1);
     let x0 = window.xs.start;
     let mut seen = vec![f32::NEG_INFINITY; width];
-    let at_border = |n: usize, place: f32, seen: &mut [f32]| {
-        each_member(lines.row(walls.inside, n), &window.xs, |x| seen[x - x0] = place);
+    let mut open = Vec::new();
+    let all = |open: &mut Vec<u64>| {
+        open.clear();
+        open.resize(lines.row(asked.bits(), first).len(), 0);
+        for n in part.clone() {
+            open.iter_mut().zip(lines.row(asked.bits(), n)).for_each(|(o, row)| *o |= row);
+        }
     };
-    if first == 0 {
-        at_border(0, -walls.border(), &mut seen);
+    let at_border = |n: usize, place: f32, open: &[u64], seen: &mut [f32]| {
+        for (w, (&row, &open)) in lines.row(walls.inside, n).iter().zip(open).enumerate() {
+            each_bit(row & open, |bit| seen[64 * w + bit - x0] = place);
+        }
+    };
+    all(&mut open);
+    for n in (first..part.start).rev() {
+        if n > 0 && !walls.nearest(lines, n - 1, &mut open, |x, place| seen[x - x0] = place) {
+            break;
+        }
     }
-    for n in first..part.end {
+    if first == 0 {
+        at_border(0, -walls.border(), &open, &mut seen);
+    }
+    for n in part.clone() {
         if n > 0 {
             walls.crossings(lines, n - 1, |x, place| {
                 if window.xs.contains(&x) {
@@ -159,17 +194,22 @@ fn scan(walls: &Walls, lines: &Lines, window: &Window, part: &Range<usize>, spac
                 }
             });
         }
-        let Some(row) = n.checked_sub(part.start) else { continue };
         let here = n as f32;
-        for (o, &s) in out[row * width..][..width].iter_mut().zip(&seen) {
+        for (o, &s) in out[(n - part.start) * width..][..width].iter_mut().zip(&seen) {
             *o = (here - s) * spacing;
         }
     }
     seen.fill(f32::INFINITY);
-    if last + 1 == lines.count() {
-        at_border(last, last as f32 + walls.border(), &mut seen);
+    all(&mut open);
+    for n in part.end..=last {
+        if n + 1 < lines.count() && !walls.nearest(lines, n, &mut open, |x, place| seen[x - x0] = place) {
+            break;
+        }
     }
-    for n in (part.start..=last).rev() {
+    if last + 1 == lines.count() {
+        at_border(last, last as f32 + walls.border(), &open, &mut seen);
+    }
+    for n in part.clone().rev() {
         if n + 1 < lines.count() {
             walls.crossings(lines, n, |x, place| {
                 if window.xs.contains(&x) {
@@ -177,25 +217,11 @@ fn scan(walls: &Walls, lines: &Lines, window: &Window, part: &Range<usize>, spac
                 }
             });
         }
-        if n >= part.end {
-            continue;
-        }
         let here = n as f32;
         for (o, &s) in out[(n - part.start) * width..][..width].iter_mut().zip(&seen) {
             let d = o.min((s - here) * spacing);
             *o = d * d;
         }
-    }
-}
-
-fn each_member(row: &[u64], xs: &Range<usize>, mut visit: impl FnMut(usize)) {
-    for (w, &word) in row.iter().enumerate() {
-        each_bit(word, |b| {
-            let x = 64 * w + b;
-            if xs.contains(&x) {
-                visit(x);
-            }
-        });
     }
 }
 
@@ -373,7 +399,7 @@ impl Slice {
         spacing: [f32; 3],
         within: &mut [&mut [f32]],
     ) {
-        self.scan(walls, lines, window, spacing);
+        self.scan(walls, asked, (lines, window), spacing);
         let Self { x, y, envelope, .. } = self;
         envelope.along_rows(asked, lines, window, spacing[0] * spacing[0], y);
         envelope.across(asked, lines, window, spacing[1] * spacing[1], x);
@@ -394,7 +420,7 @@ impl Slice {
         spread(asked, lines, window, across, &mut self.z);
         self.plane.clear();
         if walls.hu.is_some() {
-            self.scan(walls, lines, window, spacing);
+            self.scan(walls, asked, (lines, window), spacing);
             let Self { x, y, z, plane, .. } = self;
             let near = x.iter().zip(&*y).zip(&*z).map(|((&x, &y), &z)| tangent([x, y, z], squares));
             plane.extend(near);
@@ -407,9 +433,9 @@ impl Slice {
     }
 
     /// Fills `x` and `y` with the scans along x and y.
-    fn scan(&mut self, walls: &Walls, lines: &Lines, window: &Window, spacing: [f32; 3]) {
+    fn scan(&mut self, walls: &Walls, asked: &VoxelSet, (lines, window): (&Lines, &Window), spacing: [f32; 3]) {
         let Self { x, y, places, .. } = self;
-        scan(walls, lines, window, &window.lines, spacing[1], y);
+        scan((walls, asked), lines, window, &window.lines, spacing[1], y);
         x.clear();
         x.resize(window.len(), f32::INFINITY);
         for (n, row) in window.lines.clone().zip(x.chunks_exact_mut(window.width())) {
@@ -480,7 +506,7 @@ pub(super) fn distances(
             let part = window.lines.start.max(ks.start)..window.lines.end.min(ks.end);
             if !part.is_empty() {
                 let lines = Lines { dims, axis: 2, at: j };
-                scan(walls, &lines, window, &part, spacing[2], plane);
+                scan((walls, asked), &lines, window, &part, spacing[2], plane);
                 collect(asked, &lines, (window, &part), plane, (ks.start, rows));
             }
         }
