@@ -9,7 +9,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::{ArgAction, Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 
-pub use crate::cli::batch::Step;
+pub use crate::cli::batch::steps::Step;
 pub use crate::cli::phantom_args::{PhantomArgs, PhantomFeature, PhantomPosition, PhantomSize};
 pub use crate::cli::values::{Pair, Point, SeriesChoice, Shard, Triple};
 pub use crate::render::ImageSize;
@@ -106,7 +106,7 @@ pub enum Command {
     /// Write the report of a reading, and its findings for other programs
     Case(CaseArgs),
     /// Make masks, centerlines, flights and more of many scans
-    #[command(after_help = crate::cli::batch::options_help())]
+    #[command(after_help = crate::cli::batch::steps::help())]
     Batch(BatchArgs),
     /// Ask an archive (PACS) for scans, fetch them, send files to it
     #[command(after_help = ARCHIVE_SETTINGS)]

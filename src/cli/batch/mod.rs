@@ -8,7 +8,7 @@ mod child;
 mod manifest;
 mod queue;
 mod record;
-mod steps;
+pub(super) mod steps;
 mod work;
 
 use std::collections::BTreeMap;
@@ -16,8 +16,6 @@ use std::io::IsTerminal;
 use std::sync::mpsc;
 use std::thread;
 use std::time::{Duration, Instant};
-
-pub use steps::Step;
 
 use crate::cli::args::{BatchArgs, Global};
 use crate::cli::messages::{print, say};
@@ -27,19 +25,11 @@ use crate::progress::Progress;
 use manifest::Case;
 use queue::{Queue, Waiting};
 use record::{Class, Folder, State};
+use steps::Step;
 use work::{Outcome, Run};
 
 /// Share of the free memory that is used if none is given.
 const SHARE: f64 = 0.9;
-
-/// Returns the text that `--help` ends with.
-pub(super) fn options_help() -> String {
-    format!(
-        "Columns of the manifest: path, and if wanted id, series and options. A row's options may be\n  {}\n\
-         A changed option repeats the steps that take it.",
-        steps::option_names()
-    )
-}
 
 /// What came of a run.
 #[derive(Default)]

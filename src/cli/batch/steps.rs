@@ -12,7 +12,7 @@ pub enum Step {
     Segment,
     /// The centerline.
     Centerline,
-    /// The scan without tag.
+    /// The cleansed scan.
     Cleanse,
     /// A flight, and its log.
     Fly,
@@ -179,9 +179,14 @@ const OPTIONS: [Known; 22] = [
     known("--dicom", ValueKind::None, &[Step::Case]),
 ];
 
-/// Returns the names of all options that a row may have.
-pub(super) fn option_names() -> String {
-    OPTIONS.iter().map(|o| o.name).collect::<Vec<_>>().join(" ")
+/// Returns the text that `colvis batch --help` ends with.
+pub(in crate::cli) fn help() -> String {
+    let options: Vec<&str> = OPTIONS.iter().map(|o| o.name).collect();
+    format!(
+        "Columns of the manifest: path, and if wanted id, series and options. A row's options may be\n  {}\n\
+         A changed option repeats the steps that take it.",
+        options.join(" ")
+    )
 }
 
 /// Reads a row's options, with quotes as in a shell. Files count from `folder`. The error tells what is wrong.
