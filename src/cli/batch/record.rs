@@ -62,6 +62,8 @@ pub(super) struct Input {
     pub content: String,
     /// Number of voxels.
     pub voxels: u64,
+    /// The options with which it was read, and the number of its series: the content depends on them, too.
+    pub read_with: Vec<String>,
     /// Number of its files, their bytes, and when the last was changed, ns since 1970: with these unchanged, it is not read again.
     pub files: u64,
     pub bytes: u64,

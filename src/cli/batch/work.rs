@@ -48,10 +48,10 @@ impl Run {
         let folder = Folder::new(&self.out, &case.id);
         let old = folder.record();
         let deadline = self.timeout.map(|t| Instant::now() + t);
-        let mut input = record::seen(&case.path);
+        let mut input = Input { read_with: read_with(case), ..record::seen(&case.path) };
         let known = old.as_ref().map(|r| &r.input).filter(|known| {
-            let stamp = |i: &Input| (i.files, i.bytes, i.modified_ns);
-            input.files > 0 && stamp(known) == stamp(&input) && !known.content.is_empty()
+            let is_same = Input { content: known.content.clone(), voxels: known.voxels, ..input.clone() } == **known;
+            input.files > 0 && is_same && !known.content.is_empty()
         });
         let mut failures = Vec::new();
         match known {
@@ -73,7 +73,7 @@ impl Run {
                         failures.push(Failure {
                             step: step.name().to_owned(),
                             class: Class::Input,
-                            line: clean(&e.to_string(), &case.path),
+                            line: clean(&e.to_string(), case),
                             key: String::new(),
                         });
                         continue;
@@ -148,8 +148,7 @@ impl Run {
         progress: &Progress,
     ) -> Result<std::result::Result<(String, u64), Failure>> {
         let mut line: Vec<OsString> = vec!["info".into(), (&case.path).into()];
-        let reading = Step::Segment.own_options(&case.options);
-        line.extend(reading.iter().filter(|o| is_reading(o)).flat_map(RowOption::arguments));
+        line.extend(case.options.iter().filter(|o| is_reading(o)).flat_map(RowOption::arguments));
         let ended = child::run(&self.program, &self.with_global(line, case), deadline, progress)?;
         if ended.status != Some(0) {
             return Ok(Err(failure("input", case, &ended)));
@@ -209,6 +208,12 @@ fn is_reading(option: &RowOption) -> bool {
     ["--spacing", "--hu", "--allow-gaps"].contains(&option.name)
 }
 
+/// Returns how a scan is read: the options, and the number of the series.
+fn read_with(case: &Case) -> Vec<String> {
+    let options = case.options.iter().filter(|o| is_reading(o)).flat_map(|o| [Some(o.name), o.value.as_deref()]);
+    options.flatten().chain(case.series.as_deref()).map(str::to_owned).collect()
+}
+
 /// Returns an option's value for the record: a file has no place in it.
 fn shown(option: &RowOption) -> Option<String> {
     option.value.clone().map(|v| if option.is_file { "FILE".to_owned() } else { v })
@@ -228,30 +233,30 @@ fn failure(step: &str, case: &Case, ended: &Ended) -> Failure {
     let line = match class {
         Class::Timeout => "took longer than --timeout allows".to_owned(),
         Class::Killed => "was killed".to_owned(),
-        _ => clean(&ended.line, &case.path),
+        _ => clean(&ended.line, case),
     };
     Failure { step: step.to_owned(), class, line, key: String::new() }
 }
 
-/// Returns an error without the name of the scan or of a file in it: files are often named after patients.
-fn clean(line: &str, scan: &Path) -> String {
+/// Returns an error without the names of the scan, of a file in it, or of a file that the options name: files are often named after patients.
+fn clean(line: &str, case: &Case) -> String {
     let mut text = line.to_owned();
-    let names = [scan.to_path_buf(), std::fs::canonicalize(scan).unwrap_or_default()];
+    for file in case.options.iter().filter_map(RowOption::file) {
+        text = text.replace(&*file.to_string_lossy(), "FILE");
+    }
+    let names = [case.path.clone(), std::fs::canonicalize(&case.path).unwrap_or_default()];
     for name in names.iter().filter(|n| !n.as_os_str().is_empty()) {
         text = text.replace(&*name.to_string_lossy(), "SCAN");
     }
-    let mut out = String::new();
-    // What follows the scan's name is the name of a file in its folder.
-    for (n, part) in text.split("SCAN").enumerate() {
-        if n == 0 {
-            out.push_str(part);
-            continue;
-        }
+    let mut parts = text.split("SCAN");
+    let mut out = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
         out.push_str("SCAN");
+        // What follows the scan's name is the name of a file in its folder.
         let is_inside = part.starts_with(['/', '\\']);
         out.push_str(if is_inside { part.find(": ").map_or("", |at| &part[at..]) } else { part });
     }
-    if let Some(name) = scan.file_name().map(|n| n.to_string_lossy()).filter(|n| n.len() > 3) {
+    if let Some(name) = case.path.file_name().map(|n| n.to_string_lossy()).filter(|n| n.len() > 3) {
         out = out.replace(&*name, "SCAN");
     }
     out
@@ -261,18 +266,31 @@ fn clean(line: &str, scan: &Path) -> String {
 mod tests {
     use super::*;
 
+    /// The same file read in another way is another scan.
+    #[test]
+    fn what_a_scan_is_depends_on_how_it_is_read() {
+        let of = |options: &str, series: Option<&str>| {
+            let options = crate::cli::batch::steps::row_options(options, Path::new("")).unwrap();
+            read_with(&Case { id: "a".to_owned(), path: PathBuf::new(), series: series.map(str::to_owned), options })
+        };
+        assert_eq!(of("--max 5 --hu=-1000,400 --allow-gaps", Some("2")), ["--hu", "-1000,400", "--allow-gaps", "2"]);
+        assert_eq!(of("--max 5", None), of("", None));
+    }
+
     #[test]
     fn errors_name_no_file() {
         let dir = tempfile::tempdir().unwrap();
-        let scan = dir.path().join("SMITH^JOHN");
-        let at = scan.display();
+        let options = crate::cli::batch::steps::row_options("--findings SMITH.json", dir.path()).unwrap();
+        let case = Case { id: "a".to_owned(), path: dir.path().join("SMITH^JOHN"), series: None, options };
+        let (at, findings) = (case.path.display(), dir.path().join("SMITH.json"));
         for (line, cleaned) in [
+            (format!("{}: is no JSON; check it", findings.display()), "FILE: is no JSON; check it"),
             (format!("{at}: is empty; check it"), "SCAN: is empty; check it"),
             (format!("{at}/SMITH.0001.dcm: is cut short; copy it"), "SCAN: is cut short; copy it"),
             (format!("volume: nothing in {at}"), "volume: nothing in SCAN"),
             ("volume: SMITH^JOHN is one slice".to_owned(), "volume: SCAN is one slice"),
         ] {
-            assert_eq!(clean(&line, &scan), cleaned);
+            assert_eq!(clean(&line, &case), cleaned);
         }
     }
 }
