@@ -1,9 +1,12 @@
 //! The colon that is searched for candidates: cleansed, and cut out of the scan.
 
+use std::sync::Arc;
+
 use crate::Timings;
 use crate::error::Result;
 use crate::fields::Lumen;
 use crate::fields::cleanse::{self, Cleansed};
+use crate::found::Found;
 use crate::progress::Progress;
 use crate::volume::Volume;
 
@@ -13,16 +16,16 @@ pub const WALL_MM: f64 = 15.0;
 
 /// Cleanses `volume`, whose lumen is `found`. Returns the cleansed lumen, and what was cleansed, with the values that the scan had.
 /// `again` finds the lumen in the changed scan; `taken` receives what was cleansed before that. `with_along` measures along the scan
-/// as scanned.
+/// as scanned. `known` is what was found in the scan as read.
 ///
 /// # Errors
 /// Returns status 4 if interrupted, or an error of `again`.
 #[doc(hidden)]
 pub fn without_tag(
     volume: &mut Volume,
-    found: Lumen,
+    (found, known): (Arc<Lumen>, &Found),
     with_along: bool,
-    again: impl FnOnce(&Volume) -> Result<Option<Lumen>>,
+    again: impl FnOnce(&Volume) -> Result<Lumen>,
     taken: impl FnOnce(&Cleansed),
     timings: &mut Timings,
     progress: &Progress,
@@ -31,16 +34,16 @@ pub fn without_tag(
     if with_along {
         timings.time("along_s", || found.along(volume, progress))?;
     }
-    let mut cleansed = timings.time("cleanse_s", || cleanse::cleanse(volume, &found, progress))?;
+    let find = || cleanse::cleanse(volume, &found, progress);
+    let cleansed = timings.time("cleanse_s", || known.cleansed(find))?;
     if cleansed.changes.is_empty() {
-        return Ok((found, None));
+        return Ok((Arc::unwrap_or_clone(found), None));
     }
+    let mut cleansed = Arc::unwrap_or_clone(cleansed);
     taken(&cleansed);
     cleansed.changes.exchange(volume);
-    // Gas stays gas, so a requested point still has some.
-    let Some(mut lumen) = timings.time("cleansed_lumen_s", || again(volume))? else {
-        return Ok((found, Some(cleansed)));
-    };
+    let find = || again(volume);
+    let mut lumen = Arc::unwrap_or_clone(timings.time("cleansed_lumen_s", || known.cleansed_lumen(find))?);
     lumen.close_septa(volume);
     cleanse::keep_ends(&mut lumen, &found);
     lumen.keep_along(&found);

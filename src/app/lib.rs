@@ -12,6 +12,8 @@ pub mod findings;
 #[doc(hidden)]
 pub mod flight;
 pub(crate) mod flight_fields;
+#[doc(hidden)]
+pub mod found;
 pub mod graft;
 mod images;
 mod lines;

@@ -12,6 +12,7 @@ use crate::fields::cleanse::{self, Cleansed};
 use crate::fields::lumen::Told;
 use crate::fields::{Lumen, lumen};
 use crate::flight_fields::Fields;
+use crate::found::Found;
 use crate::phantom::{Phantom, PhantomSettings};
 use crate::plan::{self, FlightRequest, Plan};
 use crate::progress::Progress;
@@ -51,6 +52,8 @@ pub struct Scan {
     without_tag: Option<WithoutTag>,
     /// What was cleansed in this scan itself.
     cleansed: Option<Arc<Cleansed>>,
+    /// What is known of the scan as read.
+    found: Arc<Found>,
     /// True if the measure along the colon is computed before the scan is cleansed.
     measures_along: bool,
     timings: Timings,
@@ -85,6 +88,9 @@ pub struct OpenOptions {
     pub measure_along: bool,
     /// Receives the progress, and can interrupt the work.
     pub progress: Arc<Progress>,
+    /// What is known of the scan as read.
+    #[doc(hidden)]
+    pub found: Arc<Found>,
 }
 
 impl Scan {
@@ -103,8 +109,14 @@ impl Scan {
     pub fn open_with(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Self> {
         let mut timings = Timings::default();
         let loaded = timings.time("load_s", || io::load(path.as_ref(), &options.load, &options.progress))?;
-        let mut scan = Self::made(loaded.volume, options, timings)?;
-        scan.notes.splice(0..0, loaded.notes);
+        Self::read(Arc::new(loaded.volume), loaded.notes, options, timings)
+    }
+
+    /// Creates a scan that was read elsewhere, with the notes and the times of that.
+    #[doc(hidden)]
+    pub fn read(volume: Arc<Volume>, notes: Vec<String>, options: &OpenOptions, timings: Timings) -> Result<Self> {
+        let mut scan = Self::made(volume, options, timings)?;
+        scan.notes.splice(0..0, notes);
         Ok(scan)
     }
 
@@ -124,7 +136,7 @@ impl Scan {
         let phantom = Phantom::new(&PhantomSettings::embedded(seed));
         let mut timings = Timings::default();
         let volume = timings.time("load_s", || phantom.voxelise(&phantom.grid(), &options.progress))?;
-        Self::made(volume, options, timings)
+        Self::made(Arc::new(volume), options, timings)
     }
 
     /// Creates a scan from a volume in memory.
@@ -132,7 +144,7 @@ impl Scan {
     /// # Errors
     /// Returns status 4 if it is to be cleansed and has one slice, or if interrupted.
     pub fn of(volume: Volume, options: &OpenOptions) -> Result<Self> {
-        Self::made(volume, options, Timings::default())
+        Self::made(Arc::new(volume), options, Timings::default())
     }
 
     /// Creates a scan from a prepared volume.
@@ -148,6 +160,7 @@ impl Scan {
             former: None,
             without_tag: None,
             cleansed: None,
+            found: Arc::default(),
             measures_along: false,
             timings,
             notes: Vec::new(),
@@ -155,12 +168,12 @@ impl Scan {
         }
     }
 
-    fn made(volume: Volume, options: &OpenOptions, mut timings: Timings) -> Result<Self> {
+    fn made(volume: Arc<Volume>, options: &OpenOptions, mut timings: Timings) -> Result<Self> {
         let begun = Instant::now();
-        let volume = options.preset.preparation.prepare(Arc::new(volume), options.transfer);
+        let volume = options.preset.preparation.prepare(volume, options.transfer);
         timings.add("flags_s", begun.elapsed().as_secs_f64());
         let mut scan = Self::ready(volume, timings, Arc::clone(&options.progress));
-        scan.measures_along = options.measure_along;
+        (scan.measures_along, scan.found) = (options.measure_along, Arc::clone(&options.found));
         if options.cleanse {
             let taken = scan.cleanse()?;
             scan.notes.push(taken.to_string());
@@ -194,6 +207,8 @@ impl Scan {
             self.former = lumen;
         }
         (self.told, self.without_tag) = (told, None);
+        // What is known is without kinds.
+        self.found = Arc::default();
     }
 
     /// Returns the kinds that were given to gas.
@@ -216,16 +231,16 @@ impl Scan {
         }
         check_thick(self.volume.voxels())?;
         let find = || lumen::find_told(self.volume.voxels(), &self.told, &self.progress);
-        let mut found = self.timings.time("lumen_s", find)?;
+        let mut found = self.timings.time("lumen_s", || self.found.lumen(find))?;
         self.notes.extend(found.lying.and_then(|l| l.conflict()));
         if let Some(former) = &self.former {
-            cleanse::keep_ends(&mut found, former);
+            cleanse::keep_ends(Arc::make_mut(&mut found), former);
         }
         if let Some(cleansed) = &self.cleansed {
-            found.measure_as_scanned(cleansed, &self.told, None);
+            Arc::make_mut(&mut found).measure_as_scanned(cleansed, &self.told, None);
         }
         self.close_septa(&found);
-        Ok(Arc::clone(self.lumen.insert(Arc::new(found))))
+        Ok(Arc::clone(self.lumen.insert(found)))
     }
 
     /// Makes the septa of a lumen tissue, so that neither a camera nor a ray passes through them.
@@ -246,17 +261,25 @@ impl Scan {
     /// Returns status 4 for a volume of one voxel or one slice, or if interrupted; the scan is then unchanged.
     pub fn cleanse(&mut self) -> Result<Arc<Cleansed>> {
         let progress = Arc::clone(&self.progress);
-        progress.call(|| self.cleanse_with(cleanse::cleanse))
+        let known = Arc::clone(&self.found);
+        progress.call(|| self.cleanse_with(cleanse::cleanse, &known))
     }
 
-    fn cleanse_with(&mut self, method: fn(&Volume, &Lumen, &Progress) -> Result<Cleansed>) -> Result<Arc<Cleansed>> {
+    /// `known` is what `method` has found before.
+    fn cleanse_with(
+        &mut self,
+        method: fn(&Volume, &Lumen, &Progress) -> Result<Cleansed>,
+        known: &Found,
+    ) -> Result<Arc<Cleansed>> {
         if let Some(cleansed) = &self.cleansed {
             return Ok(Arc::clone(cleansed));
         }
         let found = self.lumen()?;
         let volume = self.volume.clone();
-        let mut cleansed = self.timings.time("cleanse_s", || method(volume.voxels(), &found, &self.progress))?;
+        let find = || method(volume.voxels(), &found, &self.progress);
+        let cleansed = self.timings.time("cleanse_s", || known.cleansed(find))?;
         drop(volume);
+        let mut cleansed = Arc::unwrap_or_clone(cleansed);
         if cleansed.changes.is_empty() {
             return Ok(Arc::clone(self.cleansed.insert(Arc::new(cleansed))));
         }
@@ -268,7 +291,7 @@ impl Scan {
             }
         }
         self.change(&mut cleansed);
-        let mut lumen = match self.lumen_without_tag(&found) {
+        let mut lumen = match self.lumen_without_tag(&found, known) {
             Ok(lumen) => lumen,
             Err(e) => {
                 self.change(&mut cleansed);
@@ -289,10 +312,10 @@ impl Scan {
         self.timings.add("cleansed_flags_s", begun.elapsed().as_secs_f64());
     }
 
-    fn lumen_without_tag(&mut self, before: &Lumen) -> Result<Lumen> {
+    fn lumen_without_tag(&mut self, before: &Lumen, known: &Found) -> Result<Lumen> {
         let find = || lumen::find_told(self.volume.voxels(), &self.told, &self.progress);
-        let found = self.timings.time("cleansed_lumen_s", find);
-        let mut lumen = found?;
+        let found = self.timings.time("cleansed_lumen_s", || known.cleansed_lumen(find))?;
+        let mut lumen = Arc::unwrap_or_clone(found);
         cleanse::keep_ends(&mut lumen, before);
         Ok(lumen)
     }
@@ -308,7 +331,7 @@ impl Scan {
             other.lumen = Some(Arc::clone(&found));
             other.told.clone_from(&self.told);
             other.measures_along = self.measures_along;
-            let cleansed = other.cleanse_with(cleanse::to_fly)?;
+            let cleansed = other.cleanse_with(cleanse::to_fly, &Found::default())?;
             let lumen = other.lumen()?;
             other.timings.parts().iter().for_each(|&(name, seconds)| self.timings.add(name, seconds));
             let notes = through_fluid(&cleansed, &found, &lumen);
@@ -329,7 +352,7 @@ impl Scan {
             return Ok(());
         }
         let before = self.lumen()?;
-        let cleansed = self.cleanse_with(cleanse::to_fly)?;
+        let cleansed = self.cleanse_with(cleanse::to_fly, &Found::default())?;
         let now = self.lumen()?;
         self.notes.extend(through_fluid(&cleansed, &before, &now));
         Ok(())

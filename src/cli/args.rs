@@ -16,6 +16,7 @@ pub use crate::render::ImageSize;
 
 use crate::app::findings::Scheme;
 use crate::cli::messages::{failed, print};
+use crate::cli::shared::Shared;
 use crate::cli::values::{bytes, count, number, plane, seconds, seed, series, shard, slab, steps, threads};
 use crate::cli::{Program, unbuilt};
 use crate::error::{Error, program_name, set_program_name};
@@ -70,6 +71,9 @@ pub struct Global {
     /// Random seed of the phantom
     #[arg(long, global = true, value_name = "N", value_parser = seed, allow_negative_numbers = true)]
     pub seed: Option<u64>,
+    /// What the commands of one process share.
+    #[arg(skip)]
+    pub(super) shared: Shared,
 }
 
 impl Global {
@@ -108,6 +112,9 @@ pub enum Command {
     /// Make masks, centerlines, flights and more of many scans
     #[command(after_help = crate::cli::batch::steps::help())]
     Batch(BatchArgs),
+    /// Make the steps of one of them, as standard input asks.
+    #[command(hide = true)]
+    BatchWorker,
     /// Ask an archive (PACS) for scans, fetch them, send files to it
     #[command(after_help = ARCHIVE_SETTINGS)]
     Archive(ArchiveArgs),
@@ -775,30 +782,36 @@ fn command_place(args: &[OsString], command: &clap::Command) -> usize {
 
 /// Prints help verbatim, and anything else as one line: `error: WHAT: WHY; HINT`.
 pub fn refuse(refused: &ParseError) -> ExitCode {
-    let e = match refused {
-        ParseError::Line(e) => e,
-        ParseError::NotBuilt(error) => return failed(error),
-    };
-    if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
-        let printed = print(|out| write!(out, "{}", e.render()).and_then(|()| out.flush()));
-        return printed.map_or_else(|e| failed(&e), |()| ExitCode::SUCCESS);
+    match refused {
+        ParseError::Line(e) if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => {
+            let printed = print(|out| write!(out, "{}", e.render()).and_then(|()| out.flush()));
+            printed.map_or_else(|e| failed(&e), |()| ExitCode::SUCCESS)
+        }
+        _ => failed(&refused.error()),
     }
-    if let Some(error) = unbuilt::refusal(e) {
-        return failed(&error);
+}
+
+impl ParseError {
+    /// Returns what is wrong with the line, in the form of all errors.
+    pub(super) fn error(&self) -> Error {
+        let e = match self {
+            Self::Line(e) => e,
+            Self::NotBuilt(error) => return error.clone(),
+        };
+        if let Some(error) = unbuilt::refusal(e) {
+            return error;
+        }
+        let text = e.render().to_string();
+        let why: Vec<&str> = text
+            .lines()
+            .map(str::trim)
+            .take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more"))
+            .filter(|l| !l.is_empty() && !l.starts_with("tip:"))
+            .collect();
+        let why = why.join(" ");
+        let why = why.strip_prefix("error: ").unwrap_or(&why);
+        Error::usage("command line", why, format!("see {} --help", program_name()))
     }
-    let text = e.render().to_string();
-    let why: Vec<&str> = text
-        .lines()
-        .map(str::trim)
-        .take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more"))
-        .filter(|l| !l.is_empty() && !l.starts_with("tip:"))
-        .collect();
-    let why = why.join(" ");
-    failed(&Error::usage(
-        "command line",
-        why.strip_prefix("error: ").unwrap_or(&why),
-        format!("see {} --help", program_name()),
-    ))
 }
 
 #[cfg(test)]

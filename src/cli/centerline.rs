@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::DVec3;
 use serde_json::json;
@@ -12,7 +13,8 @@ use crate::cli::args::{CenterlineArgs, Global, Point};
 use crate::cli::case::curve;
 use crate::cli::files;
 use crate::cli::messages::say;
-use crate::cli::prepare;
+use crate::cli::prepare::{self, Input};
+use crate::cli::shared::Use;
 use crate::error::{Error, Result};
 use crate::fields::centerline::{self, Centerline, End};
 use crate::fields::connection;
@@ -56,15 +58,15 @@ pub(crate) fn run(args: &CenterlineArgs, global: &Global, progress: &Progress) -
     let (input, is_mask) = prepare::scan_or_mask("centerline", args.input.as_deref(), args.mask.as_deref())?;
     files::check_folders(&args.out, args.stats.as_deref())?;
     let mut timings = Timings::default();
-    let read = if is_mask { prepare::load_mask } else { prepare::load };
-    let volume = read(input, global, &mut timings, progress)?;
-    check_thick(&volume)?;
     let (line, names) = if is_mask {
+        let volume = prepare::load_mask(input, global, &mut timings, progress)?;
+        check_thick(&volume)?;
         let walls = timings.time("distance_s", || WallDistance::of_mask(&volume, progress))?;
         drop(volume);
         (timings.time("centerline_s", || through_mask(&walls, args, progress))?, Vec::new())
     } else {
-        through_scan(&volume, args, &mut timings, progress)?
+        let input = prepare::load(input, global, Use::Look, &mut timings, progress)?;
+        through_scan(&input, args, &mut timings, progress)?
     };
     for [a, b] in &line.guessed {
         say(&format!("from {a:.0} to {b:.0} mm the lumen is collapsed: the line is a guess there"));
@@ -116,17 +118,18 @@ fn through_mask(walls: &WallDistance, args: &CenterlineArgs, progress: &Progress
 }
 
 fn through_scan(
-    volume: &Volume,
+    input: &Input,
     args: &CenterlineArgs,
     timings: &mut Timings,
     progress: &Progress,
 ) -> Result<(Centerline, Vec<Part>)> {
-    let mut lumen = prepare::lumen(volume, timings, progress)?;
+    let mut lumen = input.lumen(timings, progress)?;
+    let volume: &Volume = &input.volume;
     if let Some(Point::World(p)) = args.from.or(args.to) {
         // A point selects the gas that it lies in, even if that was not classified as colon.
         if lumen.nearest_gas(p, SNAP_MM).is_none() && !lumen.is_fluid(p) {
             let found = timings.time("lumen_at_s", || lumen::gas_at(volume, p, progress))?;
-            lumen = found.ok_or_else(|| {
+            lumen = found.map(Arc::new).ok_or_else(|| {
                 let why = format!("{:.1},{:.1},{:.1} has no gas within {SNAP_MM} mm", p.x, p.y, p.z);
                 Error::incomplete("centerline", why, "give a point in the colon")
             })?;

@@ -9,8 +9,9 @@ use crate::cli::args::{CleanseArgs, Global};
 use crate::cli::files;
 use crate::cli::messages::say;
 use crate::cli::prepare;
+use crate::cli::shared::Use;
 use crate::error::Result;
-use crate::fields::cleanse::{self, CleansedPool, Left};
+use crate::fields::cleanse::{CleansedPool, Left};
 use crate::output;
 use crate::progress::Progress;
 use crate::volume::io;
@@ -38,13 +39,15 @@ pub(crate) fn run(args: &CleanseArgs, global: &Global, progress: &Progress) -> R
     let mut timings = Timings::default();
     // The command cleanses the scan itself; `--cleanse` must not do it first.
     let global = Global { cleanse: false, ..global.clone() };
-    let mut volume = prepare::load(&args.input, &global, &mut timings, progress)?;
-    let lumen = prepare::lumen_from(&volume, args.from.map(|p| p.0), &mut timings, progress)?;
+    let from = args.from.map(|p| p.0);
+    let input = prepare::load(&args.input, &global, Use::Change, &mut timings, progress)?;
+    let lumen = input.lumen_from(from, &mut timings, progress)?;
     if lumen.segments.is_empty() {
-        return Err(prepare::no_lumen(&volume, &lumen, "give --from and a point in the colon"));
+        return Err(prepare::no_lumen(&input.volume, &lumen, "give --from and a point in the colon"));
     }
-    let mut cleansed = timings.time("cleanse_s", || cleanse::cleanse(&volume, &lumen, progress))?;
+    let mut cleansed = input.cleansed(&lumen, from, &mut timings, progress)?;
     drop(lumen);
+    let mut volume = input.into_volume();
     cleansed.changes.exchange(&mut volume);
     say(&cleansed.to_string());
     io::save(&args.out, &volume, progress)?;

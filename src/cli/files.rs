@@ -51,6 +51,8 @@ impl Files {
                 let is_get = a.action == ArchiveAction::Get;
                 none().reads(a.names.iter().filter(|_| !is_get)).writes(&a.out)
             }
+            // Its files are those of the commands that it runs.
+            Some(Command::BatchWorker) => none(),
             Some(Command::Batch(a)) => none().reads([&a.manifest]).writes([&a.out]),
             Some(Command::Measure(a)) => none().reads([&a.input]).writes(&a.out).writes(&a.stats),
             Some(Command::Phantom(a)) => {

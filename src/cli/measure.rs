@@ -8,6 +8,7 @@ use crate::app::Timings;
 use crate::cli::args::{Global, MeasureArgs};
 use crate::cli::messages::print;
 use crate::cli::prepare;
+use crate::cli::shared::Use;
 use crate::error::Result;
 use crate::output;
 use crate::polyps::{self, Form, Measurement, RESTORED_HU, Wall};
@@ -55,9 +56,9 @@ pub(crate) fn run(args: &MeasureArgs, global: &Global, progress: &Progress) -> R
     let mut timings = Timings::default();
     // The command cleanses the scan itself; `--cleanse` must not do it first.
     let global = Global { cleanse: false, ..global.clone() };
-    let mut volume = prepare::load(&args.input, &global, &mut timings, progress)?;
-    let (lumen, cleansed) =
-        prepare::cleansed_lumen(&mut volume, args.from.map(|p| p.0), false, &mut timings, progress)?;
+    let mut input = prepare::load(&args.input, &global, Use::Change, &mut timings, progress)?;
+    let (lumen, cleansed) = input.cleanse(args.from.map(|p| p.0), false, &mut timings, progress)?;
+    let volume = input.into_volume();
     let restored = cleansed.map(|c| c.changes);
     let wall = timings.time("wall_s", || Wall::new(&volume, &lumen, iso, progress))?;
     let is_restored = |p: DVec3| {

@@ -23,6 +23,7 @@ mod render;
 #[cfg(feature = "report")]
 mod report;
 mod segment;
+mod shared;
 mod slice;
 mod surface;
 mod unbuilt;
@@ -56,6 +57,7 @@ use files::Files;
 use messages::{failed, print, print_failure};
 use own::OwnCommand;
 pub use own::{ProgressBar, Session};
+use shared::Shared;
 
 /// The program `colvis`, with everything that another program adds to it.
 ///
@@ -395,11 +397,12 @@ fn on_interrupt(progress: &Arc<Progress>) -> Result<()> {
     .map_err(|e| Error::fault("interrupt handler", e.to_string(), "run it again").caused_by(e))
 }
 
-fn run(program: &Program, args: Args) -> Result<()> {
+/// Checks what every command has in common, and returns the progress that an interrupt cancels.
+fn begin(program: &Program, args: &Args) -> Result<Arc<Progress>> {
     let progress = Arc::new(Progress::new());
     on_interrupt(&progress)?;
-    let files = Files::of(&args);
-    let global = args.global;
+    let files = Files::of(args);
+    let global = &args.global;
     let scene = match &args.command {
         None => args.fly.scene.as_deref(),
         Some(Command::Fly(a)) => a.scene.as_deref(),
@@ -410,9 +413,15 @@ fn run(program: &Program, args: Args) -> Result<()> {
         let why = format!("{uid} is not a whole number from 1 to 4096");
         return Err(Error::usage("--series", why, "give the number of the series in the folder"));
     }
-    prepare::check(program, &global, scene)?;
+    prepare::check(program, global, scene)?;
     files.check_apart()?;
     gather_threads(global.threads)?;
+    Ok(progress)
+}
+
+fn run(program: &Program, args: Args) -> Result<()> {
+    let progress = begin(program, &args)?;
+    let global = args.global;
     // A flight shows its own progress: a window, or a bar that disappears before the last message.
     let _bar = match args.command {
         Some(
@@ -438,6 +447,7 @@ fn run(program: &Program, args: Args) -> Result<()> {
         Some(Command::Measure(a)) => measure::run(&a, &global, &progress),
         Some(Command::Case(a)) => case::run(&a, &global, &progress),
         Some(Command::Batch(a)) => batch::run(&a, &global, &progress),
+        Some(Command::BatchWorker) => work(program),
         #[cfg(feature = "dicom")]
         Some(Command::Archive(a)) => archive::run(&a, &global, &progress),
         #[cfg(not(feature = "dicom"))]
@@ -465,6 +475,35 @@ fn run(program: &Program, args: Args) -> Result<()> {
         }
         None => fly::run(program, &args.fly, &global, &progress),
     }
+}
+
+/// Makes the steps of a case in this process.
+fn work(program: &Program) -> Result<()> {
+    let parsed = |line: Vec<OsString>, shared: &Shared| {
+        let mut args = program
+            .parse([OsString::from(crate::error::program_name())].into_iter().chain(line))
+            .map_err(|e| e.error())?;
+        args.global.shared = shared.clone();
+        Ok(args)
+    };
+    let look = |line: Vec<OsString>, shared: &Shared| {
+        let args = parsed(line, shared)?;
+        let Some(Command::Info(info)) = &args.command else {
+            return Err(Error::fault("batch", "looks at no scan", "report it"));
+        };
+        let mut seen = None;
+        guarded(|| {
+            let progress = begin(program, &args)?;
+            seen = Some(info::look(info, &args.global, &progress)?);
+            Ok(())
+        })?;
+        seen.ok_or_else(|| Error::fault("batch", "saw no scan", "report it"))
+    };
+    let step = |line: Vec<OsString>, shared: &Shared| {
+        let args = parsed(line, shared)?;
+        guarded(|| run(program, args))
+    };
+    batch::worker::run(&batch::worker::Work { look: &look, make: &step })
 }
 
 /// Makes this thread one of the `threads` (default: one per processor) that share its work.

@@ -6,6 +6,7 @@ use crate::app::{Timings, graft};
 use crate::cli::args::{Global, PhantomArgs, PhantomFeature, PhantomPosition, PhantomSize};
 use crate::cli::messages::say;
 use crate::cli::prepare;
+use crate::cli::shared::Use;
 use crate::error::{Error, Result};
 use crate::output;
 use crate::phantom::{NOISE_HU, Phantom, PhantomSettings, Position, Scanner, Size};
@@ -89,7 +90,7 @@ fn put_into(scan: &Path, args: &PhantomArgs, global: &Global, progress: &Progres
     }
     // Cleansing is the reader's: the scan keeps its tag.
     let global = Global { cleanse: false, ..global.clone() };
-    let volume = prepare::load(scan, &global, &mut Timings::default(), progress)?;
+    let volume = prepare::load(scan, &global, Use::Change, &mut Timings::default(), progress)?.into_volume();
     let count = usize::from(args.lesions.unwrap_or(LESIONS));
     let made = graft::graft(volume, global.seed.unwrap_or(1), count, progress)?;
     let found_room = made.truth.polyps.len();

@@ -5,11 +5,13 @@ use serde_json::{Map, Value, json};
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::app::found::Found;
 use crate::app::scan::check_thick;
 use crate::app::{OpenOptions, Scan, Timings, colon};
 use crate::cli::Program;
 use crate::cli::args::{Global, QualityName};
 use crate::cli::messages::say;
+use crate::cli::shared::Use;
 use crate::error::{Error, Kind, Result};
 use crate::fields::cleanse::{self, Cleansed};
 use crate::fields::{Lumen, lumen};
@@ -101,21 +103,25 @@ pub(crate) fn camera(program: &Program, global: &Global, scene: CameraModel) -> 
 /// Opens the input, or the embedded phantom if there is none, ready to render, and prints notes about it. Fails with status 2 for
 /// invalid options, 3 if it cannot be read, 4 if interrupted.
 pub(crate) fn open(input: Option<&Path>, global: &Global, preset: Preset, progress: &Arc<Progress>) -> Result<Scan> {
-    open_by(input, global, &options(global, preset, progress)?)
+    open_by(input, global, &options(global, preset, progress)?, Use::Change)
 }
 
-/// Like [`open`], for a command that needs the measure along the colon as scanned.
-pub(crate) fn open_measured(
+/// Like [`open`], for a flight: `measure_along` if it needs the measure along the colon as scanned; `purpose` tells whether it is in the
+/// scan as read.
+pub(crate) fn open_to_fly(
     input: Option<&Path>,
     global: &Global,
     preset: Preset,
+    measure_along: bool,
+    purpose: Use,
     progress: &Arc<Progress>,
 ) -> Result<Scan> {
-    open_by(input, global, &OpenOptions { measure_along: true, ..options(global, preset, progress)? })
+    let purpose = if global.cleanse { Use::Change } else { purpose };
+    open_by(input, global, &OpenOptions { measure_along, ..options(global, preset, progress)? }, purpose)
 }
 
-fn open_by(input: Option<&Path>, global: &Global, options: &OpenOptions) -> Result<Scan> {
-    let mut scan = opened(input, global, options)?;
+fn open_by(input: Option<&Path>, global: &Global, options: &OpenOptions, purpose: Use) -> Result<Scan> {
+    let mut scan = opened(input, global, options, purpose)?;
     scan.take_notes().iter().for_each(|note| say(note));
     Ok(scan)
 }
@@ -128,7 +134,7 @@ pub(crate) fn open_unsaid(
     preset: Preset,
     progress: &Arc<Progress>,
 ) -> Result<Scan> {
-    opened(input, global, &options(global, preset, progress)?)
+    opened(input, global, &options(global, preset, progress)?, Use::Change)
 }
 
 fn options(global: &Global, preset: Preset, progress: &Arc<Progress>) -> Result<OpenOptions> {
@@ -139,32 +145,137 @@ fn options(global: &Global, preset: Preset, progress: &Arc<Progress>) -> Result<
         cleanse: global.cleanse,
         measure_along: false,
         progress: Arc::clone(progress),
+        found: Arc::default(),
     })
 }
 
-fn opened(input: Option<&Path>, global: &Global, options: &OpenOptions) -> Result<Scan> {
+fn opened(input: Option<&Path>, global: &Global, options: &OpenOptions, purpose: Use) -> Result<Scan> {
     let Some(path) = input else {
         report_unread(global);
         return Scan::phantom_with(global.seed.unwrap_or(1), options);
     };
-    Scan::open_with(path, options)
+    let mut timings = Timings::default();
+    let read = || timings.time("load_s", || io::load(path, &options.load, &options.progress));
+    let (volume, notes, found) = global.shared.read(path, &options.load, purpose, read)?;
+    Scan::read(volume, notes, &OpenOptions { found, ..options.clone() }, timings)
+}
+
+/// A scan that a command has read.
+pub(crate) struct Input {
+    pub volume: Arc<Volume>,
+    /// What is known of it as it is.
+    found: Arc<Found>,
+}
+
+impl Input {
+    /// Returns its voxels.
+    pub(crate) fn into_volume(self) -> Volume {
+        Arc::unwrap_or_clone(self.volume)
+    }
+
+    /// Returns the colon. Fails with status 4 for a volume of one voxel or one slice, or if interrupted.
+    pub(crate) fn lumen(&self, timings: &mut Timings, progress: &Progress) -> Result<Arc<Lumen>> {
+        check_thick(&self.volume)?;
+        let find = || lumen::find(&self.volume, progress);
+        let found = timings.time("lumen_s", || self.found.lumen(find))?;
+        if let Some(conflict) = found.lying.and_then(|l| l.conflict()) {
+            say(&conflict);
+        }
+        if let Some(note) = found.septa_note() {
+            say(&note);
+        }
+        Ok(found)
+    }
+
+    /// Returns the colon; with a point (world, mm) the gas there, whatever it looks like. Fails as [`Input::lumen`] does, and with
+    /// status 4 if there is no gas at the point.
+    pub(crate) fn lumen_from(
+        &self,
+        from: Option<DVec3>,
+        timings: &mut Timings,
+        progress: &Progress,
+    ) -> Result<Arc<Lumen>> {
+        let Some(p) = from else { return self.lumen(timings, progress) };
+        check_thick(&self.volume)?;
+        let found = timings.time("lumen_s", || lumen::gas_at(&self.volume, p, progress))?;
+        found.map(Arc::new).ok_or_else(|| {
+            let odd = hounsfield::oddity(&self.volume).map_or_else(String::new, |odd| format!(": {odd}"));
+            let why = format!("{:.1},{:.1},{:.1} has no gas inside the patient within 5 mm{odd}", p.x, p.y, p.z);
+            Error::incomplete("--from", why, "give a point in the colon")
+        })
+    }
+
+    /// Returns what cleansing removes from the scan, whose colon is `lumen`, which it has from [`Input::lumen_from`] with the same
+    /// point. Fails with status 4 if interrupted.
+    pub(crate) fn cleansed(
+        &self,
+        lumen: &Lumen,
+        from: Option<DVec3>,
+        timings: &mut Timings,
+        progress: &Progress,
+    ) -> Result<Cleansed> {
+        let find = || cleanse::cleanse(&self.volume, lumen, progress);
+        timings.time("cleanse_s", || self.known(from).cleansed(find)).map(Arc::unwrap_or_clone)
+    }
+
+    /// Cleanses the scan and prints what was removed. Returns the colon in it (with a point (world, mm), the gas there) and what was
+    /// removed, with the values that the scan had. `with_along` measures along the scan as scanned, as `centerline` does. Fails as
+    /// [`Input::lumen_from`] does, and with status 4 if there is no colon.
+    pub(crate) fn cleanse(
+        &mut self,
+        from: Option<DVec3>,
+        with_along: bool,
+        timings: &mut Timings,
+        progress: &Progress,
+    ) -> Result<(Lumen, Option<Cleansed>)> {
+        let found = self.lumen_from(from, timings, progress)?;
+        if found.segments.is_empty() {
+            return Err(no_lumen(&self.volume, &found, "give --from and a point in the colon"));
+        }
+        let before = Arc::clone(&found);
+        let again = |volume: &Volume| match from {
+            // Gas stays gas, so a requested point still has some.
+            Some(p) => lumen::gas_at(volume, p, progress).map(|l| l.unwrap_or_else(|| Lumen::clone(&before))),
+            None => lumen::find(volume, progress),
+        };
+        let taken = |cleansed: &Cleansed| say(&cleansed.to_string());
+        let known = self.known(from);
+        // What is known is of the scan as read.
+        self.found = Arc::default();
+        let volume = Arc::make_mut(&mut self.volume);
+        colon::without_tag(volume, (found, &known), with_along, again, taken, timings, progress)
+    }
+
+    /// What is known of the scan if its colon is that of the rules, and not of a point.
+    fn known(&self, from: Option<DVec3>) -> Arc<Found> {
+        from.map_or_else(|| Arc::clone(&self.found), |_| Arc::default())
+    }
 }
 
 /// Reads the input without preparing it, cleanses it if requested, and prints notes about it. Fails as [`open`] does, and with
 /// status 4 if it is to be cleansed and has one slice.
-pub(crate) fn load(input: &Path, global: &Global, timings: &mut Timings, progress: &Progress) -> Result<Volume> {
+pub(crate) fn load(
+    input: &Path,
+    global: &Global,
+    purpose: Use,
+    timings: &mut Timings,
+    progress: &Progress,
+) -> Result<Input> {
     let options = checked_options(global)?;
-    let loaded = timings.time("load_s", || io::load(input, &options, progress))?;
-    loaded.notes.iter().for_each(|note| say(note));
-    let mut volume = loaded.volume;
+    let purpose = if global.cleanse { Use::Change } else { purpose };
+    let read = || timings.time("load_s", || io::load(input, &options, progress));
+    let (volume, notes, found) = global.shared.read(input, &options, purpose, read)?;
+    notes.iter().for_each(|note| say(note));
+    let mut input = Input { volume, found };
     if global.cleanse {
-        let found = lumen(&volume, timings, progress)?;
-        let mut cleansed = timings.time("cleanse_s", || cleanse::cleanse(&volume, &found, progress))?;
+        let found = input.lumen(timings, progress)?;
+        let mut cleansed = input.cleansed(&found, None, timings, progress)?;
         drop(found);
         say(&cleansed.to_string());
-        cleansed.changes.exchange(&mut volume);
+        cleansed.changes.exchange(Arc::make_mut(&mut input.volume));
+        input.found = Arc::default();
     }
-    Ok(volume)
+    Ok(input)
 }
 
 /// Like [`load`], for a mask, which is never cleansed. Fails as [`open`] does, and with status 3 if it is not a mask.
@@ -186,60 +297,8 @@ pub(crate) fn load_or_phantom(input: Option<&Path>, global: &Global, progress: &
             let phantom = Phantom::new(&PhantomSettings::embedded(global.seed.unwrap_or(1)));
             phantom.voxelise(&phantom.grid(), progress)
         },
-        |path| load(path, global, &mut Timings::default(), progress),
+        |path| load(path, global, Use::Change, &mut Timings::default(), progress).map(Input::into_volume),
     )
-}
-
-/// The colon in a scan. Fails with status 4 for a volume of one voxel or one slice, or if interrupted.
-pub(crate) fn lumen(volume: &Volume, timings: &mut Timings, progress: &Progress) -> Result<Lumen> {
-    check_thick(volume)?;
-    let found = timings.time("lumen_s", || lumen::find(volume, progress))?;
-    if let Some(conflict) = found.lying.and_then(|l| l.conflict()) {
-        say(&conflict);
-    }
-    if let Some(note) = found.septa_note() {
-        say(&note);
-    }
-    Ok(found)
-}
-
-/// The colon in a scan; with a point (world, mm) the gas there, whatever it looks like. Fails as [`lumen`](fn@lumen) does, and with
-/// status 4 if there is no gas at the point.
-pub(crate) fn lumen_from(
-    volume: &Volume,
-    from: Option<DVec3>,
-    timings: &mut Timings,
-    progress: &Progress,
-) -> Result<Lumen> {
-    let Some(p) = from else { return lumen(volume, timings, progress) };
-    check_thick(volume)?;
-    timings.time("lumen_s", || lumen::gas_at(volume, p, progress))?.ok_or_else(|| {
-        let odd = hounsfield::oddity(volume).map_or_else(String::new, |odd| format!(": {odd}"));
-        let why = format!("{:.1},{:.1},{:.1} has no gas inside the patient within 5 mm{odd}", p.x, p.y, p.z);
-        Error::incomplete("--from", why, "give a point in the colon")
-    })
-}
-
-/// Cleanses `volume` and prints what was removed. Returns the colon in it (with a point (world, mm), the gas there) and what was
-/// removed, with the values that the scan had. `with_along` measures along the scan as scanned, as `centerline` does. Fails as
-/// [`lumen_from`] does, and with status 4 if there is no colon.
-pub(crate) fn cleansed_lumen(
-    volume: &mut Volume,
-    from: Option<DVec3>,
-    with_along: bool,
-    timings: &mut Timings,
-    progress: &Progress,
-) -> Result<(Lumen, Option<Cleansed>)> {
-    let found = lumen_from(volume, from, timings, progress)?;
-    if found.segments.is_empty() {
-        return Err(no_lumen(volume, &found, "give --from and a point in the colon"));
-    }
-    let again = |volume: &Volume| match from {
-        Some(p) => lumen::gas_at(volume, p, progress),
-        None => lumen::find(volume, progress).map(Some),
-    };
-    let taken = |cleansed: &Cleansed| say(&cleansed.to_string());
-    colon::without_tag(volume, found, with_along, again, taken, timings, progress)
 }
 
 /// The failure of a command that found no colon in a scan. Values that are not HU come first: what was found in them means nothing.

@@ -9,6 +9,7 @@ use crate::cli::Program;
 use crate::cli::args::{Global, ReportArgs, ReportSubject};
 use crate::cli::messages::{print, say};
 use crate::cli::prepare;
+use crate::cli::shared::Use;
 use crate::error::{Error, Result};
 use crate::host::terminal::Bar;
 use crate::output;
@@ -120,7 +121,7 @@ fn one(
 
 /// A scan with its title.
 fn scan(path: &Path, global: &Global, progress: &Progress) -> Result<(String, Volume)> {
-    let volume = prepare::load(path, global, &mut Timings::default(), progress)?;
+    let volume = prepare::load(path, global, Use::Change, &mut Timings::default(), progress)?.into_volume();
     check_thick(&volume)?;
     Ok((title(path), volume))
 }
@@ -145,7 +146,7 @@ fn subjects(args: &ReportArgs, global: &Global, progress: &Progress) -> Result<V
         vec![Subject { name: "phantom".to_owned(), title: named, volume: phantom(args.quick, global, progress)? }];
     match &args.scan {
         Some(scan) => {
-            let volume = prepare::load(scan, global, &mut Timings::default(), progress)?;
+            let volume = prepare::load(scan, global, Use::Change, &mut Timings::default(), progress)?.into_volume();
             check_thick(&volume)?;
             let volume = PreparedVolume::new(Arc::new(volume), prepare::transfer(global)?);
             subjects.push(Subject { name: "scan".to_owned(), title: title(scan), volume });

@@ -9,6 +9,7 @@ use crate::cli::args::{Global, LabelName, SegmentArgs};
 use crate::cli::files;
 use crate::cli::messages::say;
 use crate::cli::prepare;
+use crate::cli::shared::Use;
 use crate::error::Result;
 use crate::fields::lumen::{self, GasKind, Lumen, Other, Remnant};
 use crate::fields::wall;
@@ -62,8 +63,9 @@ pub(crate) fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> R
     files::check_folders(&args.out, args.stats.as_deref())?;
     io::check_ending(&args.out)?;
     let mut timings = Timings::default();
-    let volume = prepare::load(&args.input, global, &mut timings, progress)?;
-    let lumen = prepare::lumen_from(&volume, args.from.map(|p| p.0), &mut timings, progress)?;
+    let input = prepare::load(&args.input, global, Use::Look, &mut timings, progress)?;
+    let lumen = input.lumen_from(args.from.map(|p| p.0), &mut timings, progress)?;
+    let volume = input.volume;
     // Only the stats report bridges and islands.
     let residue = match &args.stats {
         Some(_) => Some(timings.time("residue_s", || lumen::residue(&volume, &lumen, progress))?),

@@ -7,6 +7,7 @@ use crate::cli::args::{Global, SurfaceArgs};
 use crate::cli::files;
 use crate::cli::messages::say;
 use crate::cli::prepare;
+use crate::cli::shared::Use;
 use crate::error::{Error, Result};
 use crate::fields::lumen::Interior;
 use crate::output;
@@ -25,15 +26,16 @@ pub(crate) fn run(args: &SurfaceArgs, global: &Global, progress: &Progress) -> R
     }
     files::check_folders(&args.out, args.stats.as_deref())?;
     let mut timings = Timings::default();
-    let read = if is_mask { prepare::load_mask } else { prepare::load };
-    let volume = read(input, global, &mut timings, progress)?;
     let (mesh, scan) = if is_mask {
+        let volume = prepare::load_mask(input, global, &mut timings, progress)?;
         if global.wall.is_some() {
             say("--wall is ignored: a mask has no HU");
         }
         (timings.time("surface_s", || of_mask(&volume, progress))?, None)
     } else {
-        let lumen = prepare::lumen_from(&volume, args.from.map(|p| p.0), &mut timings, progress)?;
+        let input = prepare::load(input, global, Use::Look, &mut timings, progress)?;
+        let lumen = input.lumen_from(args.from.map(|p| p.0), &mut timings, progress)?;
+        let volume = input.volume;
         if lumen.segments.is_empty() {
             return Err(prepare::no_lumen(
                 &volume,
@@ -46,7 +48,6 @@ pub(crate) fn run(args: &SurfaceArgs, global: &Global, progress: &Progress) -> R
         let (mesh, islands) = mesh.without_islands();
         (mesh, Some((lumen.segments.len(), islands)))
     };
-    drop(volume);
     if mesh.triangles().is_empty() {
         return Err(Error::incomplete("surface", "there is no lumen to enclose", "check --wall or the mask"));
     }

@@ -3,7 +3,27 @@
 /// Returns an entry of the process status, in bytes: `VmRSS`, the resident set, or `VmHWM`, its peak. `None` if the system does
 /// not report it (only Linux does).
 pub fn resident_bytes(entry: &str) -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    entry_of("/proc/self/status", entry)
+}
+
+/// Returns the resident set of another process, bytes. `None` as above, or if there is no such process.
+pub fn resident_of(process: u32) -> Option<u64> {
+    entry_of(&format!("/proc/{process}/status"), "VmRSS")
+}
+
+/// Returns the memory that processes may still take, bytes; `None` as above.
+pub fn available() -> Option<u64> {
+    entry_of("/proc/meminfo", "MemAvailable")
+}
+
+/// Lets the peak of the resident set begin at what it is now. Only Linux can.
+pub fn reset_peak() {
+    // Without the right to do so, the peak is that of the whole process.
+    let _ = std::fs::write("/proc/self/clear_refs", "5");
+}
+
+fn entry_of(file: &str, entry: &str) -> Option<u64> {
+    let status = std::fs::read_to_string(file).ok()?;
     let value = status.lines().find_map(|l| l.strip_prefix(entry)?.strip_prefix(':'))?;
     value.trim().trim_end_matches("kB").trim().parse::<u64>().ok().map(|kib| kib * 1024)
 }
@@ -42,5 +62,19 @@ mod tests {
             assert!(now > 1 << 16 && resident_bytes("VmHWM").is_some_and(|most| most > 1 << 16));
         }
         assert_eq!(resident_bytes("Vm"), None);
+        let own = resident_of(std::process::id());
+        assert_eq!(own.is_some(), resident_bytes("VmRSS").is_some());
+        assert_eq!(resident_of(u32::MAX), None);
+        assert_eq!(available().is_some(), own.is_some());
+    }
+
+    #[test]
+    fn a_peak_can_be_forgotten() {
+        let large = vec![1u8; 200_000_000];
+        let Some(before) = resident_bytes("VmHWM") else { return };
+        assert!(large.iter().step_by(4096).all(|&b| b == 1));
+        drop(large);
+        reset_peak();
+        assert!(resident_bytes("VmHWM").unwrap() + 100_000_000 < before, "{before}");
     }
 }

@@ -123,6 +123,46 @@ fn cases_are_made_once_and_a_changed_option_repeats_its_steps() {
     assert_eq!(study.case("out", "bad")["steps"]["segment"]["outputs"], now["steps"]["segment"]["outputs"]);
 }
 
+/// What the steps of a case share changes none of them, and a scan in another process of this program is the same.
+#[test]
+fn steps_that_share_a_scan_make_what_commands_make_alone() {
+    let study = Study::new();
+    let scan = study.at("tagged.nii");
+    run(&["phantom", "--out", &scan, "--size", "small", "--with", "folds,polyps,pools,films,noise"], 0);
+    let list = study.list(&["t,tagged.nii,--guide path", "f,tagged.nii,--from=rectum --cleanse"]);
+    let out = study.at("out");
+    run(&["batch", &list, "--out", &out, "--jobs", "1"], 4);
+    assert_eq!(study.case("out", "f")["failure"]["class"], "usage", "only some of the steps begin at a named place");
+    let case = study.case("out", "t");
+    assert_eq!(case["state"], "done", "{case}");
+    let alone = |name: &str, line: &[&str]| {
+        let file = study.at(name);
+        let mut line: Vec<&str> = line.to_vec();
+        let at = line.iter().position(|a| *a == "OUT").unwrap();
+        line[at] = &file;
+        run(&line, 0);
+        let made = fs::read(Path::new(&out).join("t").join(name)).unwrap();
+        assert!(made == fs::read(&file).unwrap(), "{name}");
+    };
+    alone("segment.nii.gz", &["segment", &scan, "--out", "OUT"]);
+    alone("centerline.json", &["centerline", &scan, "--out", "OUT"]);
+    alone("cleansed.nii.gz", &["cleanse", &scan, "--out", "OUT"]);
+    alone("candidates.json", &["candidates", &scan, "--out", "OUT"]);
+    alone("surface.ply", &["surface", &scan, "--out", "OUT"]);
+    alone("flight.jsonl", &["fly", &scan, "--headless", "--guide", "path", "--log", "OUT"]);
+    let stats = study.at("stats.json");
+    run(&["fly", &scan, "--headless", "--coverage", "--guide", "path", "--cleanse", "--stats", &stats], 0);
+    let stats: Value = serde_json::from_slice(&fs::read(stats).unwrap()).unwrap();
+    let made: Value = serde_json::from_slice(&fs::read(Path::new(&out).join("t/coverage.json")).unwrap()).unwrap();
+    assert!(made["missed"].as_array().is_some() && made["wall_mm2"].as_f64() > Some(0.0), "{made}");
+    for (name, value) in made.as_object().unwrap() {
+        assert_eq!(value, &stats[name], "{name}");
+    }
+    let times = |step: &str| case["steps"][step]["times"]["prepare"]["lumen_s"].as_f64().unwrap_or_default();
+    let all = ["segment", "centerline", "cleanse", "fly", "candidates", "coverage", "surface"].map(times);
+    assert!(all.iter().filter(|s| **s > 1e-3).count() == 1, "the lumen is found once: {all:?}");
+}
+
 #[test]
 fn shards_and_runs_that_were_killed_make_what_one_run_makes() {
     let study = Study::new();
@@ -134,7 +174,7 @@ fn shards_and_runs_that_were_killed_make_what_one_run_makes() {
     };
     batch("one", &[]);
     for shard in ["1/3", "2/3", "3/3"] {
-        batch("shards", &["--shard", shard, "--jobs", "2", "--memory", "1K"]);
+        batch("shards", &["--shard", shard, "--jobs", "2", "--memory", "4G"]);
     }
     let one = study.lasting("one");
     assert!(one == study.lasting("shards"));
@@ -169,6 +209,12 @@ fn a_case_that_takes_too_long_is_a_row_and_is_tried_again() {
     assert!(begun.elapsed() < Duration::from_secs(60));
     assert!(said(&late).contains("timeout"), "{}", said(&late));
     assert_eq!(study.case("out", "a")["failure"]["class"], "timeout");
+    // So is one that takes too much memory, where the system tells what it takes.
+    if cfg!(target_os = "linux") {
+        let large = run(&["batch", &list, "--out", &out, "--do", "centerline", "--memory", "1K"], 4);
+        assert!(said(&large).contains("memory"), "{}", said(&large));
+        assert_eq!(study.case("out", "a")["failure"]["class"], "memory");
+    }
     let again = run(&["batch", &list, "--out", &out, "--do", "centerline"], 4);
     assert!(said(&again).starts_with("3 cases: 1 done, 2 failed (1 usage, 1 input)"), "{}", said(&again));
     assert_eq!(study.case("out", "a")["state"], "done");

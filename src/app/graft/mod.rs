@@ -13,6 +13,7 @@ mod spread;
 mod tests;
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use glam::DVec3;
 use serde::Serialize;
@@ -21,6 +22,7 @@ use crate::Timings;
 use crate::colon;
 use crate::error::{Error, Result};
 use crate::fields::lumen;
+use crate::found::Found;
 use crate::math::hash::Stream;
 use crate::phantom::{PolypShape, PolypSite, TruePolyp};
 use crate::polyps::Wall;
@@ -124,9 +126,10 @@ pub struct Host {
 pub fn graft(volume: Volume, seed: u64, count: usize, progress: &Progress) -> Result<Grafted> {
     let found = lumen::find(&volume, progress)?;
     let mut cleansed = volume.clone();
-    let again = |volume: &Volume| lumen::find(volume, progress).map(Some);
-    let mut untimed = Timings::default();
-    let (lumen, made) = colon::without_tag(&mut cleansed, found, true, again, |_| (), &mut untimed, progress)?;
+    let again = |volume: &Volume| lumen::find(volume, progress);
+    let (found, known, mut untimed) = (Arc::new(found), Found::default(), Timings::default());
+    let (lumen, made) =
+        colon::without_tag(&mut cleansed, (found, &known), true, again, |_| (), &mut untimed, progress)?;
     let along = lumen.along(&volume, progress)?;
     let wall = Wall::new(&cleansed, &lumen, HALF_HU, progress)?;
     progress.stage("measuring the scan's blur and noise", 0);

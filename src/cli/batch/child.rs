@@ -1,103 +1,165 @@
-//! A command of this program in a process of its own: it may fail, hang or be killed, and takes nothing with it.
+//! A process of this program that makes the steps of a case: it may fail, hang or be killed, and takes nothing with it.
 
-use std::ffi::OsString;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use super::worker::{ANSWER, Answer, Request};
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::progress::Progress;
 
 /// Time between two looks at a process.
-const LOOKS: Duration = Duration::from_millis(10);
+const LOOKS: Duration = Duration::from_millis(20);
 
-/// How a process ended.
-pub(super) struct Ended {
-    /// Its exit status; `None` if something killed it.
-    pub status: Option<i32>,
-    /// True if it was ended because its time was over.
-    pub is_late: bool,
-    /// Its error, without `error: `; empty if it told none.
-    pub line: String,
-    /// What it printed.
-    pub printed: Vec<u8>,
+/// How a request ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Ended {
+    Answered(Answer),
+    /// The process was ended because its time was over.
+    Late,
+    /// … because it took too much memory; the bytes that it had.
+    TooLarge(u64),
+    /// Something else ended it.
+    Died,
 }
 
-/// Runs `program` with `line` until it ends or until `deadline`. Fails with status 1 if it cannot be started, 4 if interrupted.
-pub(super) fn run(program: &Path, line: &[OsString], deadline: Option<Instant>, progress: &Progress) -> Result<Ended> {
-    let begun =
-        Command::new(program).args(line).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
-    let mut child = begun.map_err(|e| {
-        Error::fault(program.display().to_string(), format!("cannot be started: {e}"), "run it again").caused_by(e)
-    })?;
-    let (out, err) = (child.stdout.take(), child.stderr.take());
-    thread::scope(|scope| {
-        // Both are read at once: a full pipe would stop the process.
-        let printed = scope.spawn(move || {
-            let mut all = Vec::new();
-            // What was read before an error is all there is.
-            let _ = out.map(|mut out| out.read_to_end(&mut all));
-            all
-        });
-        let told = scope.spawn(move || {
-            let lines = err.into_iter().flat_map(|err| BufReader::new(err).lines().map_while(std::io::Result::ok));
-            lines.filter_map(|l| l.strip_prefix("error: ").map(str::to_owned)).last().unwrap_or_default()
-        });
-        let ended = wait(&mut child, deadline, progress);
-        let (printed, line) = (printed.join().unwrap_or_default(), told.join().unwrap_or_default());
-        let (status, is_late) = ended?;
-        Ok(Ended { status, is_late, line, printed })
-    })
+/// A worker of a case. There is a process from the first request on, and a new one after one has ended.
+pub(super) struct Worker<'a> {
+    program: &'a Path,
+    arguments: &'a [&'a str],
+    running: Option<Running>,
 }
 
-/// Waits for the end of a process, or brings it about. Returns its exit status, and true if its time was over.
-fn wait(child: &mut Child, deadline: Option<Instant>, progress: &Progress) -> Result<(Option<i32>, bool)> {
-    let lost = |e: std::io::Error| Error::fault("process", e.to_string(), "run it again").caused_by(e);
-    let mut is_late = false;
-    loop {
-        if let Some(status) = child.try_wait().map_err(lost)? {
-            progress.check()?;
-            return Ok((if is_late { None } else { status.code() }, is_late));
-        }
-        is_late = is_late || deadline.is_some_and(|d| Instant::now() > d);
-        if is_late || progress.is_cancelled() {
-            // It may have ended by itself.
-            let _ = child.kill();
-        }
-        thread::sleep(LOOKS);
+struct Running {
+    child: Child,
+    requests: ChildStdin,
+    answers: Receiver<Answer>,
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // An idle one would end by itself with its input; one that is busy must not outlive whoever waits.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
+}
+
+impl<'a> Worker<'a> {
+    pub(super) fn new(program: &'a Path, arguments: &'a [&'a str]) -> Self {
+        Self { program, arguments, running: None }
+    }
+
+    /// Waits for the answer to `request`, at most until `deadline`. `is_too_large` is told the memory that the process has, bytes, and may
+    /// end it. Fails with status 1 if it cannot be started, 4 if interrupted.
+    pub(super) fn ask(
+        &mut self,
+        request: &Request,
+        deadline: Option<Instant>,
+        mut is_too_large: impl FnMut(u64) -> bool,
+        progress: &Progress,
+    ) -> Result<Ended> {
+        let line = serde_json::to_string(request)
+            .map_err(|e| Error::fault("batch", e.to_string(), "report it").caused_by(e))?;
+        let running = match &mut self.running {
+            Some(running) => running,
+            None => self.running.insert(start(self.program, self.arguments)?),
+        };
+        // One that has ended is noticed below.
+        let _ = writeln!(running.requests, "{line}").and_then(|()| running.requests.flush());
+        let ended = loop {
+            match running.answers.recv_timeout(LOOKS) {
+                Ok(answer) => break Ended::Answered(answer),
+                Err(RecvTimeoutError::Disconnected) => break Ended::Died,
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+            if progress.is_cancelled() {
+                break Ended::Died;
+            }
+            if deadline.is_some_and(|d| Instant::now() > d) {
+                break Ended::Late;
+            }
+            if let Some(bytes) = memory::resident_of(running.child.id())
+                && is_too_large(bytes)
+            {
+                break Ended::TooLarge(bytes);
+            }
+        };
+        if !matches!(ended, Ended::Answered(_)) {
+            self.running = None;
+        }
+        progress.check()?;
+        Ok(ended)
+    }
+}
+
+fn start(program: &Path, arguments: &[&str]) -> Result<Running> {
+    let fault = |why: String| Error::fault(program.display().to_string(), why, "run it again");
+    let mut child = Command::new(program)
+        .args(arguments)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .map_err(|e| fault(format!("cannot be started: {e}")).caused_by(e))?;
+    let (Some(requests), Some(out)) = (child.stdin.take(), child.stdout.take()) else {
+        return Err(fault("has no standard input or output".to_owned()));
+    };
+    let (to, answers) = mpsc::channel();
+    // It ends with the process.
+    thread::spawn(move || {
+        for line in BufReader::new(out).lines().map_while(std::io::Result::ok) {
+            if let Some(answer) = line.strip_prefix(ANSWER).and_then(|text| serde_json::from_str(text).ok()) {
+                let _ = to.send(answer);
+            }
+        }
+    });
+    Ok(Running { child, requests, answers })
 }
 
 #[cfg(all(test, unix))]
 mod tests {
     use super::*;
 
-    fn shell(script: &str, seconds: Option<f64>) -> Ended {
-        let deadline = seconds.map(|s| Instant::now() + Duration::from_secs_f64(s));
-        run(Path::new("/bin/sh"), &["-c".into(), script.into()], deadline, &Progress::new()).unwrap()
+    fn ask(script: &str, seconds: Option<f64>, limit: u64) -> Vec<Ended> {
+        let arguments = ["-c", script];
+        let mut worker = Worker::new(Path::new("/bin/sh"), &arguments);
+        (0..2)
+            .map(|_| {
+                let deadline = seconds.map(|s| Instant::now() + Duration::from_secs_f64(s));
+                worker.ask(&Request::Run(vec!["x".into()]), deadline, |now| now > limit, &Progress::new()).unwrap()
+            })
+            .collect()
     }
 
     #[test]
-    fn what_a_process_does_is_told() {
-        let done = shell("echo found; echo note: x >&2", None);
-        assert_eq!(
-            (done.status, done.is_late, done.line.as_str(), &*done.printed),
-            (Some(0), false, "", &b"found\n"[..])
+    fn what_a_process_does_is_told_and_it_is_replaced() {
+        let answer = |status: u8, line: &str| Answer { status, line: line.to_owned(), seen: None };
+        let said = "read a; echo noise; echo 'answer: {\"status\":3,\"line\":\"bad\"}'";
+        let all = u64::MAX;
+        // The same process answers twice, or another one.
+        let twice = format!("{said}; {said}");
+        assert_eq!(ask(&twice, None, all), [Ended::Answered(answer(3, "bad")), Ended::Answered(answer(3, "bad"))]);
+        assert_eq!(ask(said, None, all), [Ended::Answered(answer(3, "bad")), Ended::Died]);
+        assert_eq!(ask("kill -9 $$", None, all), [Ended::Died, Ended::Died]);
+        assert_eq!(ask("read a; exec sleep 60", Some(0.1), all), [Ended::Late, Ended::Late]);
+        if cfg!(target_os = "linux") {
+            assert!(matches!(ask("read a; exec sleep 60", None, 0)[..], [Ended::TooLarge(_), Ended::TooLarge(_)]));
+        }
+        let none = Worker::new(Path::new("/no/such/program"), &[]).ask(
+            &Request::Run(Vec::new()),
+            None,
+            |_| false,
+            &Progress::new(),
         );
-        let failed = shell("echo error: a: b; exit 3", None);
-        assert_eq!((failed.status, failed.line.as_str()), (Some(3), ""), "only what it tells as an error");
-        assert_eq!(shell("echo error: a: b >&2; exit 3", None).line, "a: b");
-        let killed = shell("kill -9 $$", None);
-        assert_eq!((killed.status, killed.is_late), (None, false));
-        let late = shell("exec sleep 60", Some(0.1));
-        assert_eq!((late.status, late.is_late), (None, true));
-        // More than a pipe holds.
-        assert_eq!(shell("head -c 300000 /dev/zero; head -c 300000 /dev/zero >&2", None).printed.len(), 300_000);
-        assert!(run(Path::new("/no/such/program"), &[], None, &Progress::new()).is_err());
+        assert!(none.is_err());
         let progress = Progress::new();
         progress.cancel();
-        assert!(run(Path::new("/bin/sh"), &["-c".into(), "exec sleep 60".into()], None, &progress).is_err());
+        let arguments = ["-c", "exec sleep 60"];
+        let mut worker = Worker::new(Path::new("/bin/sh"), &arguments);
+        assert!(worker.ask(&Request::Run(Vec::new()), None, |_| false, &progress).is_err());
     }
 }

@@ -1,4 +1,4 @@
-//! `colvis batch`: many scans, one process for each step of a case, and a folder for each case.
+//! `colvis batch`: many scans, one process for each case, which shares what its steps have in common, and a folder for each case.
 //!
 //! What is done with the same input, version and options is not done again. A case's folder is written whole or not at all, so that a run
 //! may end at any moment and be gone on with. This is no scheduler: `--shard` gives each machine its share, and whatever starts processes
@@ -10,6 +10,7 @@ mod queue;
 mod record;
 pub(super) mod steps;
 mod work;
+pub(super) mod worker;
 
 use std::collections::BTreeMap;
 use std::io::IsTerminal;
@@ -20,13 +21,13 @@ use std::time::{Duration, Instant};
 use crate::cli::args::{BatchArgs, Global};
 use crate::cli::messages::{print, say};
 use crate::error::{Error, Result};
-use crate::output;
 use crate::progress::Progress;
+use crate::{memory, output};
 use manifest::Case;
-use queue::{Queue, Waiting};
+use queue::{Ledger, Queue, Waiting};
 use record::{Class, Folder, State};
 use steps::Step;
-use work::{Outcome, Run};
+use work::{Came, Outcome, Run};
 
 /// Share of the free memory that is used if none is given.
 const SHARE: f64 = 0.9;
@@ -81,9 +82,11 @@ pub(crate) fn run(args: &BatchArgs, global: &Global, progress: &Progress) -> Res
         threads: global.threads.unwrap_or_else(|| (cores / jobs).max(1)),
         timeout: args.timeout.map(Duration::from_secs_f64),
     };
-    let memory = args.memory.or_else(|| queue::free().map(|free| (free as f64 * SHARE) as u64)).unwrap_or(u64::MAX);
+    // The limit of all processes together.
+    let memory =
+        args.memory.or_else(|| memory::available().map(|free| (free as f64 * SHARE) as u64)).unwrap_or(u64::MAX);
     let waiting = waiting(&cases, &args.out);
-    let count = all(&run, &cases, Queue::new(waiting, jobs, memory), progress)?;
+    let count = all(&run, &cases, Queue::new(waiting, jobs, memory), &Ledger::new(memory), progress)?;
     let by_class: Vec<String> =
         count.failed.iter().map(|(class, n)| format!("{n} {}", format!("{class:?}").to_lowercase())).collect();
     let told = if by_class.is_empty() { String::new() } else { format!(" ({})", by_class.join(", ")) };
@@ -119,7 +122,7 @@ fn waiting(cases: &[Case], out: &std::path::Path) -> Vec<Waiting> {
 }
 
 /// Runs all cases. Fails if one cannot be recorded, or if interrupted.
-fn all(run: &Run, cases: &[Case], mut queue: Queue, progress: &Progress) -> Result<Count> {
+fn all(run: &Run, cases: &[Case], mut queue: Queue, ledger: &Ledger, progress: &Progress) -> Result<Count> {
     let begun = Instant::now();
     let mut count = Count::default();
     let is_terminal = std::io::stderr().is_terminal();
@@ -130,13 +133,15 @@ fn all(run: &Run, cases: &[Case], mut queue: Queue, progress: &Progress) -> Resu
         let mut running = 0;
         let mut broken = None;
         loop {
-            while let Some(n) = if broken.is_none() { queue.next() } else { None } {
-                let (to, case) = (to.clone(), &cases[n]);
+            while let Some(next) = if broken.is_none() { queue.next() } else { None } {
+                let (to, n) = (to.clone(), next.case);
                 running += 1;
+                ledger.begin(next);
                 scope.spawn(move || {
                     let since = Instant::now();
+                    let came = run.case(&cases[n], n, ledger, progress);
                     // Whoever waits is there until all have ended.
-                    let _ = to.send((n, run.case(case, progress), since.elapsed().as_secs_f64()));
+                    let _ = to.send((n, came, since.elapsed().as_secs_f64()));
                 });
             }
             if running == 0 {
@@ -144,9 +149,11 @@ fn all(run: &Run, cases: &[Case], mut queue: Queue, progress: &Progress) -> Resu
             }
             let Ok((n, outcome, seconds)) = ended.recv() else { break };
             running -= 1;
+            ledger.end(n);
             queue.end(n);
             match outcome {
-                Ok(outcome) => {
+                Ok(Came::TooLarge(bytes)) => queue.again(n, bytes),
+                Ok(Came::To(outcome)) => {
                     count.add(outcome);
                     new += usize::from(!outcome.is_old);
                     if !outcome.is_old || is_terminal {

@@ -1,6 +1,7 @@
 //! Which case is begun when: as many at once as there are cores for, and as memory allows.
 
 use std::path::Path;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Memory of a process whatever its scan, bytes.
 const BASE: u64 = 64 << 20;
@@ -32,7 +33,7 @@ impl Queue {
     }
 
     /// Takes the first case that fits beside the running ones. One that fits nowhere runs alone.
-    pub(super) fn next(&mut self) -> Option<usize> {
+    pub(super) fn next(&mut self) -> Option<Waiting> {
         if self.running.len() >= self.jobs {
             return None;
         }
@@ -41,12 +42,18 @@ impl Queue {
         let at = self.waiting.iter().position(fits)?;
         let next = self.waiting.remove(at);
         self.running.push(next);
-        Some(next.case)
+        Some(next)
     }
 
     /// Takes a case out that has ended.
     pub(super) fn end(&mut self, case: usize) {
         self.running.retain(|w| w.case != case);
+    }
+
+    /// Lets a case wait again that took `memory` bytes and more beside others: it is the next that runs, with room for more.
+    pub(super) fn again(&mut self, case: usize, memory: u64) {
+        self.end(case);
+        self.waiting.insert(0, Waiting { case, memory: memory.saturating_add(memory / 2) });
     }
 }
 
@@ -73,11 +80,61 @@ pub(super) fn learned(cases: impl Iterator<Item = (bool, u64, u64)>) -> [Option<
     most
 }
 
-/// Returns the memory that is free, bytes; `None` if the system does not tell.
-pub(super) fn free() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?;
-    Some(line.trim().trim_end_matches("kB").trim().parse::<u64>().ok()? * 1024)
+/// The memory that running cases have, beside what they were expected to take.
+#[derive(Debug)]
+pub(super) struct Ledger {
+    limit: u64,
+    cases: Mutex<Vec<Entry>>,
+}
+
+#[derive(Debug)]
+struct Entry {
+    case: usize,
+    expected: u64,
+    now: u64,
+}
+
+impl Ledger {
+    /// Creates a ledger of `limit` bytes.
+    pub(super) fn new(limit: u64) -> Self {
+        Self { limit, cases: Mutex::new(Vec::new()) }
+    }
+
+    fn cases(&self) -> MutexGuard<'_, Vec<Entry>> {
+        self.cases.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Notes that a case begins.
+    pub(super) fn begin(&self, next: Waiting) {
+        self.cases().push(Entry { case: next.case, expected: next.memory, now: 0 });
+    }
+
+    /// Notes that a case has ended.
+    pub(super) fn end(&self, case: usize) {
+        self.cases().retain(|e| e.case != case);
+    }
+
+    /// Notes what a case has now, bytes. Returns true if all of them have more than the limit and this one exceeds what it was expected to
+    /// take by the most.
+    pub(super) fn is_too_large(&self, case: usize, now: u64) -> bool {
+        let mut cases = self.cases();
+        for entry in cases.iter_mut().filter(|e| e.case == case) {
+            entry.now = now;
+        }
+        let all: u64 = cases.iter().map(|e| e.now).sum();
+        let most = cases.iter().max_by_key(|e| (i128::from(e.now) - i128::from(e.expected), e.case));
+        all > self.limit && most.is_some_and(|e| e.case == case)
+    }
+
+    /// Returns what a case was last seen to have, bytes.
+    pub(super) fn now(&self, case: usize) -> u64 {
+        self.cases().iter().find(|e| e.case == case).map_or(0, |e| e.now)
+    }
+
+    /// True if no other case runs.
+    pub(super) fn is_alone(&self) -> bool {
+        self.cases().len() <= 1
+    }
 }
 
 #[cfg(test)]
@@ -89,20 +146,33 @@ mod tests {
         let waiting =
             |memory: &[u64]| memory.iter().enumerate().map(|(case, &memory)| Waiting { case, memory }).collect();
         let mut queue = Queue::new(waiting(&[2, 3, 2, 9, 1]), 3, 4);
-        assert_eq!(
-            [queue.next(), queue.next(), queue.next()],
-            [Some(0), Some(2), None],
-            "the second would be too much"
-        );
+        let mut next = |ended: &[usize]| {
+            ended.iter().for_each(|&case| queue.end(case));
+            queue.next().map(|w| w.case)
+        };
+        assert_eq!([next(&[]), next(&[]), next(&[])], [Some(0), Some(2), None], "the second would be too much");
+        assert_eq!([next(&[0]), next(&[])], [Some(4), None]);
+        assert_eq!([next(&[2]), next(&[])], [Some(1), None]);
+        assert_eq!([next(&[4, 1]), next(&[])], [Some(3), None], "alone, if it fits nowhere");
+        assert_eq!(next(&[3]), None);
+    }
+
+    #[test]
+    fn a_case_that_takes_more_than_expected_makes_way() {
+        let mut queue = Queue::new((0..3).map(|case| Waiting { case, memory: 2 }).collect(), 3, 4);
+        let ledger = Ledger::new(4);
+        for _ in 0..2 {
+            ledger.begin(queue.next().unwrap());
+        }
+        assert!(!ledger.is_too_large(0, 2) && !ledger.is_too_large(1, 2));
+        assert!(!ledger.is_alone() && ledger.is_too_large(1, 3) && !ledger.is_too_large(0, 2));
+        ledger.end(1);
+        queue.again(1, 3);
+        assert!(ledger.is_alone() && !ledger.is_too_large(0, 4) && ledger.is_too_large(0, 5));
+        assert_eq!(queue.next(), Some(Waiting { case: 2, memory: 2 }), "which fits beside the first");
         queue.end(0);
-        assert_eq!([queue.next(), queue.next()], [Some(4), None]);
         queue.end(2);
-        assert_eq!([queue.next(), queue.next()], [Some(1), None]);
-        queue.end(4);
-        queue.end(1);
-        assert_eq!([queue.next(), queue.next()], [Some(3), None], "alone, if it fits nowhere");
-        queue.end(3);
-        assert_eq!(queue.next(), None);
+        assert_eq!(queue.next(), Some(Waiting { case: 1, memory: 4 }));
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::time::UNIX_EPOCH;
+use std::time::{Duration, Instant, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -13,6 +13,7 @@ use sha2::{Digest, Sha256};
 use super::steps::{RowOption, Step};
 use crate::error::{Error, Result};
 use crate::output;
+use crate::progress::Progress;
 
 /// Name of the record in a case's folder.
 pub(super) const FILE: &str = "case.json";
@@ -111,20 +112,21 @@ pub(super) enum Class {
     Output,
     /// It took longer than allowed.
     Timeout,
+    /// It took more memory than allowed.
+    Memory,
     /// Something outside ended it, for example the system for want of memory.
     Killed,
 }
 
 impl Class {
     /// The class of an exit status.
-    pub(super) fn of(status: Option<i32>) -> Self {
+    pub(super) fn of(status: u8) -> Self {
         match status {
-            Some(1) => Self::Fault,
-            Some(2) => Self::Usage,
-            Some(3) => Self::Input,
-            Some(4) => Self::Incomplete,
-            Some(5) => Self::Output,
-            _ => Self::Killed,
+            2 => Self::Usage,
+            3 => Self::Input,
+            4 => Self::Incomplete,
+            5 => Self::Output,
+            _ => Self::Fault,
         }
     }
 
@@ -195,6 +197,15 @@ pub(super) fn seen(scan: &Path) -> Input {
     found
 }
 
+/// Time between two looks whether another run still makes a case.
+const WAIT: Duration = Duration::from_millis(100);
+
+/// Keeps other runs from a case.
+#[derive(Debug)]
+pub(super) struct Lock {
+    _folder: Option<fs::File>,
+}
+
 /// The folders of one case.
 pub(super) struct Folder {
     whole: PathBuf,
@@ -221,15 +232,71 @@ impl Folder {
         made.outputs.keys().all(|file| self.whole.join(file).is_file())
     }
 
-    /// Returns an empty folder to write into. Fails with status 5 if there can be none.
-    pub(super) fn begin(&self) -> Result<&Path> {
-        for stale in [&self.work, &self.old] {
-            if stale.exists() {
-                fs::remove_dir_all(stale).map_err(|e| output::cannot(stale, e))?;
+    /// The folder that is written.
+    pub(super) fn work(&self) -> &Path {
+        &self.work
+    }
+
+    /// Waits until no other run makes this case, but not beyond `deadline`: `None` then. Fails with status 4 if interrupted, 5 if there can
+    /// be no folder.
+    pub(super) fn lock(&self, deadline: Option<Instant>, progress: &Progress) -> Result<Option<Lock>> {
+        loop {
+            output::make_folder(&self.work)?;
+            match self.try_lock().map_err(|e| output::cannot(&self.work, e))? {
+                Some(lock) => return Ok(Some(lock)),
+                None if deadline.is_some_and(|d| Instant::now() > d) => return Ok(None),
+                None => std::thread::sleep(WAIT),
             }
+            progress.check()?;
         }
-        output::make_folder(&self.work)?;
+    }
+
+    /// Returns a lock of the folder that is written, or none if another run has it. It goes with the folder when that gets its name.
+    #[cfg(unix)]
+    fn try_lock(&self) -> io::Result<Option<Lock>> {
+        use std::os::unix::fs::MetadataExt;
+        let folder = match fs::File::open(&self.work) {
+            Ok(folder) => folder,
+            // Another run has just given it up.
+            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
+            Err(e) => return Err(e),
+        };
+        match folder.try_lock() {
+            Ok(()) => {}
+            Err(fs::TryLockError::WouldBlock) => return Ok(None),
+            // A file system without locks: whoever starts two runs there must keep them apart.
+            Err(fs::TryLockError::Error(_)) => return Ok(Some(Lock { _folder: Some(folder) })),
+        }
+        let inode = |meta: fs::Metadata| (meta.dev(), meta.ino());
+        // Meanwhile another run may have given it its name.
+        let is_there =
+            fs::metadata(&self.work).is_ok_and(|there| folder.metadata().is_ok_and(|m| inode(m) == inode(there)));
+        Ok(is_there.then_some(Lock { _folder: Some(folder) }))
+    }
+
+    #[cfg(not(unix))]
+    fn try_lock(&self) -> io::Result<Option<Lock>> {
+        Ok(Some(Lock { _folder: None }))
+    }
+
+    /// Returns an empty folder to write into. Fails with status 5 if there can be none.
+    pub(super) fn begin(&self, _lock: &Lock) -> Result<&Path> {
+        if self.old.exists() {
+            fs::remove_dir_all(&self.old).map_err(|e| output::cannot(&self.old, e))?;
+        }
+        let cannot = |e| output::cannot(&self.work, e);
+        for entry in fs::read_dir(&self.work).map_err(cannot)? {
+            let path = entry.map_err(cannot)?.path();
+            let gone = if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
+            gone.map_err(|e| output::cannot(&path, e))?;
+        }
         Ok(&self.work)
+    }
+
+    /// Gives the folder up that was to be written.
+    pub(super) fn give_up(&self, _lock: Lock) {
+        // The next run clears it otherwise.
+        let _ = fs::remove_dir_all(&self.work);
     }
 
     /// Takes a step's outputs over from the folder that is there. Fails with status 5.
@@ -336,7 +403,9 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let folder = Folder::new(dir.path(), "a");
         assert!(folder.record().is_none());
-        let work = folder.begin().unwrap();
+        let lock = || folder.lock(None, &Progress::new()).unwrap().unwrap();
+        let held = lock();
+        let work = folder.begin(&held).unwrap();
         fs::write(work.join("segment.nii.gz"), "voxels").unwrap();
         assert!(folder.record().is_none(), "not before it is finished");
         let outputs = folder.outputs(Step::Segment).unwrap();
@@ -346,18 +415,46 @@ mod tests {
         first.steps.insert("segment".to_owned(), made.clone());
         folder.finish(&first).unwrap();
         assert!(folder.has(&folder.record().unwrap().steps["segment"]));
+        drop(held);
         // Interrupted before the end: what is there stays, and the next one begins anew.
-        fs::write(folder.begin().unwrap().join("half"), "").unwrap();
+        fs::write(folder.begin(&lock()).unwrap().join("half"), "").unwrap();
         assert!(folder.has(&folder.record().unwrap().steps["segment"]));
         // Interrupted while the old one has made way.
         fs::rename(&folder.whole, &folder.old).unwrap();
         assert!(folder.record().is_some());
-        let work = folder.begin().unwrap();
+        let held = lock();
+        let work = folder.begin(&held).unwrap();
         assert!(!work.join("half").exists());
         folder.keep(&made).unwrap();
         folder.finish(&first).unwrap();
         assert_eq!(fs::read(folder.whole.join("segment.nii.gz")).unwrap(), b"voxels");
+        folder.give_up(lock());
         let names: Vec<_> = fs::read_dir(dir.path()).unwrap().flatten().map(|e| e.file_name()).collect();
         assert_eq!(names, ["a"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn one_run_makes_a_case_and_others_wait() {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = || Folder::new(dir.path(), "a");
+        let progress = Progress::new();
+        let lock = |seconds: f64| {
+            let deadline = Instant::now() + Duration::from_secs_f64(seconds);
+            folder().lock(Some(deadline), &progress).unwrap()
+        };
+        let first = lock(0.0).unwrap();
+        assert!(lock(0.0).is_none());
+        std::thread::scope(|scope| {
+            let waiting = scope.spawn(|| lock(60.0).is_some());
+            folder().begin(&first).unwrap();
+            folder().finish(&record()).unwrap();
+            drop(first);
+            assert!(waiting.join().unwrap(), "it has a folder of its own, and not the one that was finished");
+        });
+        assert!(folder().record().is_some());
+        progress.cancel();
+        let held = Folder::new(dir.path(), "a").lock(None, &Progress::new()).unwrap();
+        assert!(held.is_some() && folder().lock(None, &progress).is_err());
     }
 }

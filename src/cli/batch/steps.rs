@@ -5,6 +5,9 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
+/// The command that the processes of cases run: no user gives it.
+pub(super) const WORKER: &str = "batch-worker";
+
 /// Something to be made of a scan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
 pub enum Step {
@@ -27,6 +30,17 @@ pub enum Step {
 }
 
 impl Step {
+    /// All of them, in the order of records.
+    pub(super) const ALL: [Self; 8] = [
+        Self::Segment,
+        Self::Centerline,
+        Self::Cleanse,
+        Self::Fly,
+        Self::Candidates,
+        Self::Coverage,
+        Self::Surface,
+        Self::Case,
+    ];
     /// All of them that need nothing but a scan.
     pub(super) const WITHOUT_FINDINGS: [Self; 7] =
         [Self::Segment, Self::Centerline, Self::Cleanse, Self::Fly, Self::Candidates, Self::Coverage, Self::Surface];
@@ -53,7 +67,7 @@ impl Step {
             Self::Cleanse => &["cleansed.nii.gz"],
             Self::Fly => &["flight.jsonl"],
             Self::Candidates => &["candidates.json"],
-            Self::Coverage => &["coverage.ply"],
+            Self::Coverage => &["coverage.json"],
             Self::Surface => &["surface.ply"],
             Self::Case => &["report"],
         }
@@ -64,11 +78,13 @@ impl Step {
         let output = folder.join(self.outputs()[0]).into_os_string();
         let has = |name: &str| options.iter().any(|o| o.name == name);
         let (command, out) = match self {
-            Self::Fly => ("fly", "--log"),
-            Self::Coverage => ("fly", "--coverage-mesh"),
-            _ => (self.name(), "--out"),
+            Self::Fly => ("fly", Some("--log")),
+            // A mesh with a number on each face takes three times as long as all of the rest.
+            Self::Coverage => ("fly", None),
+            _ => (self.name(), Some("--out")),
         };
-        let mut line: Vec<OsString> = vec![command.into(), scan.into(), out.into(), output];
+        let mut line: Vec<OsString> = vec![command.into(), scan.into()];
+        line.extend(out.into_iter().flat_map(|out| [out.into(), output.clone()]));
         if matches!(self, Self::Fly | Self::Coverage) {
             line.push("--headless".into());
         }
@@ -83,6 +99,17 @@ impl Step {
             }
         }
         line
+    }
+
+    /// True if its output is what its command tells in its statistics.
+    pub(super) fn is_of_numbers(self) -> bool {
+        self == Self::Coverage
+    }
+
+    /// True if its command changes the scan in memory.
+    pub(super) fn changes_scan(self, options: &[RowOption]) -> bool {
+        matches!(self, Self::Cleanse | Self::Candidates | Self::Coverage | Self::Case)
+            || options.iter().any(|o| o.name == "--cleanse")
     }
 
     /// Returns those of a row's options that it depends on.
@@ -133,16 +160,7 @@ enum ValueKind {
     File,
 }
 
-const ALL: &[Step] = &[
-    Step::Segment,
-    Step::Centerline,
-    Step::Cleanse,
-    Step::Fly,
-    Step::Candidates,
-    Step::Coverage,
-    Step::Surface,
-    Step::Case,
-];
+const ALL: &[Step] = &Step::ALL;
 const FLIGHTS: &[Step] = &[Step::Fly, Step::Coverage];
 
 const fn known(name: &'static str, kind: ValueKind, steps: &'static [Step]) -> Known {

@@ -15,6 +15,7 @@ use crate::app::study::Study;
 use crate::cli::Program;
 use crate::cli::args::{CandidatesArgs, Global};
 use crate::cli::prepare;
+use crate::cli::shared::Use;
 use crate::error::Result;
 use crate::output;
 use crate::polyps::detectors;
@@ -32,8 +33,9 @@ pub(crate) fn run(program: &Program, args: &CandidatesArgs, global: &Global, pro
     let mut timings = Timings::default();
     // The command cleanses the scan itself; `--cleanse` must not do it first.
     let global = Global { cleanse: false, ..global.clone() };
-    let mut volume = prepare::load(&args.input, &global, &mut timings, progress)?;
-    let (lumen, _) = prepare::cleansed_lumen(&mut volume, args.from.map(|p| p.0), true, &mut timings, progress)?;
+    let mut input = prepare::load(&args.input, &global, Use::Change, &mut timings, progress)?;
+    let (lumen, _) = input.cleanse(args.from.map(|p| p.0), true, &mut timings, progress)?;
+    let volume = input.into_volume();
     let beyond = if args.gallery.is_some() { PICTURE_MM } else { WALL_MM };
     let study = Study::new(volume, lumen, transfer.iso(), beyond, &mut timings, progress)?;
     let mut found = timings.time("candidates_s", || study.find(&detector, progress))?;

@@ -25,6 +25,7 @@ use crate::app::findings::{
 use crate::cli::args::{CaseArgs, Global};
 use crate::cli::messages::say;
 use crate::cli::prepare;
+use crate::cli::shared::Use;
 #[cfg(feature = "dicom")]
 use crate::dicom::objects::Study;
 use crate::error::{Error, Result};
@@ -122,7 +123,8 @@ fn report(
     let mut timings = Timings::default();
     // The command cleanses the scan itself; `--cleanse` must not do it first.
     let global = Global { cleanse: false, ..global.clone() };
-    let scanned = prepare::load(&args.input, &global, &mut timings, progress)?;
+    let input = prepare::load(&args.input, &global, Use::Look, &mut timings, progress)?;
+    let scanned = Arc::clone(&input.volume);
     let hash = timings.time("hash_s", || Ok(content_hash(&scanned)))?;
     if findings.scan != hash {
         let why = format!("belongs to another scan than {}", args.input.display());
@@ -142,7 +144,7 @@ fn report(
     };
     let mut findings = findings.moved_to(content_origin(scanned.grid()));
     check_places(&findings, &scanned)?;
-    let found = prepare::lumen(&scanned, &mut timings, progress)?;
+    let found = input.lumen(&mut timings, progress)?;
     if found.segments.is_empty() {
         return Err(prepare::no_lumen(&scanned, &found, "report it by hand: there is nothing to show"));
     }
@@ -151,12 +153,12 @@ fn report(
     let quality = timings.time("quality_s", || judged(&scanned, &found, &along, &findings.quality, progress))?;
     let map = timings.time("map_s", || map::of(&found, &along, &findings, progress))?;
     // Pictures show the wall under tag, and the tag beside it.
-    let mut cleansed = scanned.clone();
-    let (_, taken) = prepare::cleansed_lumen(&mut cleansed, None, false, &mut timings, progress)?;
+    let mut cleansed = input;
+    let (_, taken) = cleansed.cleanse(None, false, &mut timings, progress)?;
     let preset = Preset::default();
-    let prepared = |volume: Volume| preset.preparation.prepare(Arc::new(volume), transfer);
+    let prepared = |volume: Arc<Volume>| preset.preparation.prepare(volume, transfer);
     let scanned = taken.as_ref().map(|_| prepared(scanned));
-    let shown = prepared(cleansed);
+    let shown = prepared(cleansed.volume);
     timings.time("findings_s", || {
         findings.findings.iter_mut().try_for_each(|f| complete(f, &shown, taken.as_ref(), &along, progress))
     })?;

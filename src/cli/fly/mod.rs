@@ -18,6 +18,7 @@ use crate::cli::args::{FlyArgs, Global, ImageSize, Point};
 use crate::cli::files::Files;
 use crate::cli::messages::say;
 use crate::cli::prepare;
+use crate::cli::shared::Use;
 use crate::components::flight::State;
 use crate::components::play::Direction;
 use crate::dynamics::STEP_HZ;
@@ -229,10 +230,10 @@ fn image_settings(
 pub(crate) fn open(args: &FlyArgs, global: &Global, scene: &Scene, progress: &Arc<Progress>) -> Result<Scan> {
     let preset = scene.image.preset;
     // Missed patches are reported with their distances along the colon.
-    if args.coverage || args.coverage_mesh.is_some() || args.review {
-        return prepare::open_measured(args.input.as_deref(), global, preset, progress);
-    }
-    prepare::open(args.input.as_deref(), global, preset, progress)
+    let measures = args.coverage || args.coverage_mesh.is_some() || args.review;
+    let is_changed = scene.play().is_none() && scene.needs().fluid_as_gas;
+    let purpose = if is_changed { Use::Change } else { Use::Look };
+    prepare::open_to_fly(args.input.as_deref(), global, preset, measures, purpose, progress)
 }
 
 /// Prepares the flight through a scan and prints notes.

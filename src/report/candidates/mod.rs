@@ -5,11 +5,13 @@ mod pages;
 mod put_in;
 
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 use serde::Deserialize;
 
 use super::{Effort, timed};
+use crate::app::found::Found;
 use crate::app::{Timings, colon};
 use crate::error::{Error, Result};
 use crate::fields::lumen;
@@ -266,9 +268,9 @@ pub fn found_by(
     progress: &Progress,
 ) -> Result<Vec<FoundBy>> {
     let found = lumen::find(&volume, progress)?;
-    let again = |volume: &Volume| lumen::find(volume, progress).map(Some);
-    let mut untimed = Timings::default();
-    let (lumen, _) = colon::without_tag(&mut volume, found, false, again, |_| (), &mut untimed, progress)?;
+    let again = |volume: &Volume| lumen::find(volume, progress);
+    let (found, known, mut untimed) = (Arc::new(found), Found::default(), Timings::default());
+    let (lumen, _) = colon::without_tag(&mut volume, (found, &known), false, again, |_| (), &mut untimed, progress)?;
     let (volume, lumen) = colon::around(volume, lumen, colon::WALL_MM);
     let run = |detector: &Detector| {
         let work = || {

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use glam::DVec3;
 
 use super::missed;
+use crate::app::found::Found;
 use crate::app::study::Study;
 use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scan, Scene, Timings, colon};
 use crate::coverage::LiveCoverage;
@@ -96,8 +97,8 @@ fn told_mm(place: &AlongColon) -> String {
 fn listed(mut scan: Volume) -> Vec<serde_json::Value> {
     let (progress, timings) = (Progress::new(), &mut Timings::default());
     let find = |volume: &Volume| lumen::find(volume, &progress);
-    let found = find(&scan).unwrap();
-    let without_tag = colon::without_tag(&mut scan, found, true, |v| find(v).map(Some), |_| {}, timings, &progress);
+    let (found, known) = (Arc::new(find(&scan).unwrap()), Found::default());
+    let without_tag = colon::without_tag(&mut scan, (found, &known), true, find, |_| {}, timings, &progress);
     let iso = TransferFunction::default().iso();
     let study = Study::new(scan, without_tag.unwrap().0, iso, colon::WALL_MM, timings, &progress).unwrap();
     let entries = study.entries(&study.find(&detectors::BUILT_IN[0], &progress).unwrap());

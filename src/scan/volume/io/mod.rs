@@ -37,7 +37,7 @@ use crate::progress::Progress;
 use crate::volume::{Grid, PatientPosition, Volume, content_hash, hounsfield};
 
 /// Options for reading an input.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct LoadOptions {
     /// Voxel spacing for inputs that carry none (a folder of PNG slices), mm.
     pub spacing: Option<DVec3>,
