@@ -485,6 +485,12 @@ pub struct BatchArgs {
     /// Only this share of the cases, counted from 1
     #[arg(long, value_name = "I/N", value_parser = shard)]
     pub shard: Option<Shard>,
+    /// Only these cases; may be repeated, for an id with a comma
+    #[arg(long, value_name = "ID,…")]
+    pub only: Vec<String>,
+    /// Print what each case is expected to take as JSON, and make nothing
+    #[arg(long)]
+    pub plan: bool,
     /// Number of cases at once [default: as many as there are cores, with --threads each]
     #[arg(long, value_name = "N", value_parser = threads, allow_negative_numbers = true)]
     pub jobs: Option<usize>,

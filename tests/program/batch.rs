@@ -221,6 +221,47 @@ fn a_case_that_takes_too_long_is_a_row_and_is_tried_again() {
     assert_eq!(study.case("out", "wrong")["failure"]["step"], "centerline");
 }
 
+/// What a scheduler asks for: one case a process, and what each will take.
+#[test]
+fn one_case_is_run_alone_and_a_plan_tells_what_each_takes() {
+    let study = Study::new();
+    let list =
+        study.list(&["A 1,SMITH^JOHN.nii.gz,", "b,\"b, c.nii\",--max 3", "\"bad,1\",bad.nii,", "gone,gone.nii,"]);
+    let batch = |more: &[&str], status: i32| {
+        let out = study.at("out");
+        let line = [&["batch", &list, "--out", &out, "--do", "segment"][..], more].concat();
+        said(&run(&line, status))
+    };
+    let plan = || -> Vec<Value> { serde_json::from_str(&batch(&["--plan"], 0)).unwrap() };
+    let before = plan();
+    let ids: Vec<_> = before.iter().map(|c| c["id"].as_str().unwrap()).collect();
+    assert_eq!(ids, ["A 1", "b", "bad,1", "gone"]);
+    for case in &before {
+        assert!(case["memory_bytes"].as_u64() > Some(1 << 20) && case["seconds"].as_f64() > Some(1.0), "{case}");
+        assert!(case["state"].is_null() && !case.to_string().contains("SMITH"), "{case}");
+    }
+    assert!(!Path::new(&study.at("out")).exists(), "a plan makes nothing");
+
+    assert!(batch(&["--only", "A 1"], 0).starts_with("1 cases: 1 done"));
+    assert!(batch(&["--only", "bad,1", "--only", "A 1,gone"], 4).starts_with("3 cases: 1 done, 2 failed"));
+    assert!(batch(&["--only", "A 1,other"], 2).is_empty());
+    assert!(!Path::new(&study.at("out")).join("b").exists());
+    let after = plan();
+    assert_eq!(
+        [&after[0]["state"], &after[1]["state"], &after[2]["class"]],
+        [&"done".into(), &Value::Null, &"input".into()]
+    );
+    let took = study.case("out", "A 1")["steps"]["segment"]["times"]["peak_rss_bytes"].clone();
+    assert_eq!(after[0]["memory_bytes"], took);
+    // The key of a case changes with its scan and its options, and with nothing else.
+    let keys = |plan: &[Value]| plan.iter().map(|c| c["key"].as_str().unwrap().to_owned()).collect::<Vec<_>>();
+    assert_eq!(keys(&before), keys(&after));
+    fs::copy(study.at("b, c.nii"), study.at("gone.nii")).unwrap();
+    study.list(&["A 1,SMITH^JOHN.nii.gz,", "b,\"b, c.nii\",--max 4", "\"bad,1\",bad.nii,", "gone,gone.nii,"]);
+    let is_changed: Vec<_> = keys(&plan()).iter().zip(keys(&after)).map(|(now, then)| *now != then).collect();
+    assert_eq!(is_changed, [false, true, false, true]);
+}
+
 #[test]
 fn lists_and_options_that_are_wrong_are_refused() {
     let dir = tempfile::tempdir().unwrap();
@@ -237,6 +278,7 @@ fn lists_and_options_that_are_wrong_are_refused() {
         &["--timeout", "-1"],
         &["--memory", "much"],
         &["--do", "fold"],
+        &["--only", "b"],
         &["--do", ""],
     ] {
         run(&[&["batch", &list, "--out", &out][..], wrong].concat(), 2);

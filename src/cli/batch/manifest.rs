@@ -1,6 +1,6 @@
 //! The manifest: a CSV file with a row for each case.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
@@ -78,6 +78,24 @@ pub(super) fn read(path: &Path) -> Result<Vec<Case>> {
     Ok(cases)
 }
 
+/// Returns the cases that `given` names, in the order of the manifest: each is an id, or several with commas between them.
+///
+/// Fails with status 2 for an id that no case has.
+pub(super) fn only(cases: Vec<Case>, given: &[String]) -> Result<Vec<Case>> {
+    if given.is_empty() {
+        return Ok(cases);
+    }
+    let has = |id: &str| cases.iter().any(|c| c.id == id);
+    // An id may have commas itself.
+    let ids = given.iter().flat_map(|g| if has(g) { vec![&**g] } else { g.split(',').collect() });
+    let ids: BTreeSet<String> = ids.map(str::to_owned).collect();
+    if let Some(unknown) = ids.iter().find(|id| !has(id)) {
+        let why = format!("no case of the manifest is {unknown:?}");
+        return Err(Error::usage("--only", why, "--plan prints the ids of all cases"));
+    }
+    Ok(cases.into_iter().filter(|c| ids.contains(&c.id)).collect())
+}
+
 /// Returns the id of a row without one. Files are often named after patients, so the id must not be.
 fn id_of(scan: &str, series: Option<&str>) -> String {
     let hash = Sha256::digest(format!("{scan}\0{}", series.unwrap_or("")).as_bytes());
@@ -146,6 +164,21 @@ mod tests {
             let e = read_text(text).unwrap_err();
             assert!(e.kind == crate::error::Kind::Input && e.to_string().contains(told), "{told}: {e}");
         }
+    }
+
+    #[test]
+    fn cases_are_chosen_by_their_ids() {
+        let cases = read_text(b"path,id\n1,a\n2,b c\n3,\"a,d\"\n").unwrap();
+        let of = |given: &[&str]| {
+            let given: Vec<String> = given.iter().map(|&g| g.to_owned()).collect();
+            only(cases.clone(), &given).map(|cases| cases.into_iter().map(|c| c.id).collect::<Vec<_>>().join("|"))
+        };
+        assert_eq!(of(&[]).unwrap(), "a|b c|a,d");
+        assert_eq!(of(&["b c,a"]).unwrap(), "a|b c");
+        assert_eq!(of(&["a,d", "b c"]).unwrap(), "b c|a,d", "an id with a comma");
+        let e = of(&["a,e"]).unwrap_err();
+        assert!(e.kind == crate::error::Kind::Usage && e.to_string().contains("\"e\""), "{e}");
+        assert!(of(&[""]).is_err());
     }
 
     #[test]

@@ -6,6 +6,7 @@
 
 mod child;
 mod manifest;
+mod plan;
 mod queue;
 mod record;
 pub(super) mod steps;
@@ -14,6 +15,7 @@ pub(super) mod worker;
 
 use std::collections::BTreeMap;
 use std::io::IsTerminal;
+use std::path::Path;
 use std::sync::mpsc;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -25,7 +27,7 @@ use crate::progress::Progress;
 use crate::{memory, output};
 use manifest::Case;
 use queue::{Ledger, Queue, Waiting};
-use record::{Class, Folder, State};
+use record::{Class, State};
 use steps::Step;
 use work::{Came, Outcome, Run};
 
@@ -58,18 +60,21 @@ impl Count {
     }
 }
 
-/// Runs the command. Fails with status 2 for options that contradict each other, 3 if the manifest is wrong, 4 if cases failed or if
+/// Runs the command. Fails with status 2 for options that contradict each other or an unknown case, 3 if the manifest is wrong, 4 if cases failed or if
 /// interrupted, 5 if a folder cannot be written.
 pub(crate) fn run(args: &BatchArgs, global: &Global, progress: &Progress) -> Result<()> {
     let mut steps = args.r#do.clone();
     if steps.is_empty() {
         steps.extend(Step::WITHOUT_FINDINGS);
     }
-    let cases: Vec<Case> = manifest::read(&args.manifest)?;
+    let cases = manifest::only(manifest::read(&args.manifest)?, &args.only)?;
     let cases: Vec<Case> = cases
         .into_iter()
         .filter(|c| args.shard.is_none_or(|shard| c.is_in_shard([shard.number, shard.count])))
         .collect();
+    if args.plan {
+        return plan::tell(&cases, &args.out, &steps);
+    }
     output::make_folder(&args.out)?;
     let cores = thread::available_parallelism().map_or(1, usize::from);
     let jobs = args.jobs.unwrap_or_else(|| (cores / global.threads.unwrap_or(1)).max(1));
@@ -102,23 +107,8 @@ pub(crate) fn run(args: &BatchArgs, global: &Global, progress: &Progress) -> Res
 }
 
 /// Returns the cases with the memory that each is expected to take.
-fn waiting(cases: &[Case], out: &std::path::Path) -> Vec<Waiting> {
-    // What each took before counts most; what the others took, next.
-    let before: Vec<_> = cases.iter().map(|c| Folder::new(out, &c.id).record()).collect();
-    let peak = |r: &record::Record| {
-        r.steps.values().filter_map(|m| m.times.get("peak_rss_bytes")?.as_u64()).max().unwrap_or(0)
-    };
-    let known = queue::learned(
-        cases
-            .iter()
-            .zip(&before)
-            .filter_map(|(c, r)| r.as_ref().map(|r| (queue::is_packed(&c.path), r.input.bytes, peak(r)))),
-    );
-    let memory = |(case, record): (&Case, &Option<record::Record>)| match record.as_ref().map(peak) {
-        Some(peak) if peak > 0 => peak,
-        _ => queue::expected(&case.path, record::seen(&case.path).bytes, known),
-    };
-    cases.iter().zip(before.iter()).map(memory).enumerate().map(|(case, memory)| Waiting { case, memory }).collect()
+fn waiting(cases: &[Case], out: &Path) -> Vec<Waiting> {
+    plan::expected(cases, out).iter().enumerate().map(|(case, e)| Waiting { case, memory: e.memory }).collect()
 }
 
 /// Runs all cases. Fails if one cannot be recorded, or if interrupted.

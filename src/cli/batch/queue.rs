@@ -3,10 +3,18 @@
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Memory of a process whatever its scan, bytes.
-const BASE: u64 = 64 << 20;
-/// Memory of a case in bytes of its files, before any case is known: with the voxels in 16 bits, and packed.
-const FACTORS: [f64; 2] = [3.0, 12.0];
+/// What a case takes: some of it whatever the scan, and the more the larger its files are.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Need {
+    base: u64,
+    /// For each byte of its files, before any case is known: with the voxels in 16 bits, and packed.
+    factors: [f64; 2],
+}
+
+/// Memory, bytes.
+pub(super) const MEMORY: Need = Need { base: 64 << 20, factors: [3.0, 12.0] };
+/// Time of all steps on two cores, ms.
+pub(super) const TIME: Need = Need { base: 10_000, factors: [1e-3, 4e-3] };
 
 /// A case that waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,27 +65,30 @@ impl Queue {
     }
 }
 
-/// Returns the memory that a scan of so many bytes is expected to take, bytes. `known` is what earlier cases took for each byte of theirs, by
-/// whether they were packed.
-pub(super) fn expected(scan: &Path, bytes: u64, known: [Option<f64>; 2]) -> u64 {
-    let packed = usize::from(is_packed(scan));
-    BASE + (bytes as f64 * known[packed].unwrap_or(FACTORS[packed])) as u64
+impl Need {
+    /// Returns what is known from `cases` that ran: whether their files were packed, their bytes, and what they took. The most of them counts.
+    pub(super) fn learn(mut self, cases: impl Iterator<Item = (bool, u64, u64)>) -> Self {
+        let mut most = [None::<f64>; 2];
+        for (packed, bytes, took) in cases.filter(|c| c.1 > 0 && c.2 > 0) {
+            let factor = took.saturating_sub(self.base) as f64 / bytes as f64;
+            let known = &mut most[usize::from(packed)];
+            *known = Some(known.map_or(factor, |k| k.max(factor)));
+        }
+        for (factor, known) in self.factors.iter_mut().zip(most) {
+            *factor = known.unwrap_or(*factor);
+        }
+        self
+    }
+
+    /// Returns what a scan of so many bytes is expected to take.
+    pub(super) fn expected(&self, scan: &Path, bytes: u64) -> u64 {
+        self.base + (bytes as f64 * self.factors[usize::from(is_packed(scan))]) as u64
+    }
 }
 
 /// True if a scan's files are likely to be compressed.
 pub(super) fn is_packed(scan: &Path) -> bool {
     scan.extension().is_some_and(|e| e == "gz" || e == "nrrd" || e == "mha")
-}
-
-/// Returns what cases took for each byte of their files: the most of them, by whether they were packed.
-pub(super) fn learned(cases: impl Iterator<Item = (bool, u64, u64)>) -> [Option<f64>; 2] {
-    let mut most = [None::<f64>; 2];
-    for (packed, bytes, peak) in cases.filter(|c| c.1 > 0 && c.2 > 0) {
-        let factor = peak.saturating_sub(BASE) as f64 / bytes as f64;
-        let known = &mut most[usize::from(packed)];
-        *known = Some(known.map_or(factor, |k| k.max(factor)));
-    }
-    most
 }
 
 /// The memory that running cases have, beside what they were expected to take.
@@ -177,11 +188,11 @@ mod tests {
 
     #[test]
     fn what_cases_took_tells_what_others_take() {
-        let mib = 1 << 20;
-        assert_eq!(expected(Path::new("a.nii"), 100 * mib, [None; 2]), BASE + 300 * mib);
-        let known = learned([(false, 100 * mib, BASE + 200 * mib), (false, mib, BASE), (true, 0, 5)].into_iter());
-        assert_eq!(known, [Some(2.0), None]);
-        assert_eq!(expected(Path::new("a.nii"), 100 * mib, known), BASE + 200 * mib);
-        assert_eq!(expected(Path::new("a.nii.gz"), mib, known), BASE + 12 * mib);
+        let (mib, base) = (1 << 20, MEMORY.base);
+        assert_eq!(MEMORY.expected(Path::new("a.nii"), 100 * mib), base + 300 * mib);
+        let known = MEMORY.learn([(false, 100 * mib, base + 200 * mib), (false, mib, base), (true, 0, 5)].into_iter());
+        assert_eq!(known.factors, [2.0, 12.0]);
+        assert_eq!(known.expected(Path::new("a.nii"), 100 * mib), base + 200 * mib);
+        assert_eq!(known.expected(Path::new("a.nii.gz"), mib), base + 12 * mib);
     }
 }

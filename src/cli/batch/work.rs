@@ -298,7 +298,7 @@ fn is_reading(option: &RowOption) -> bool {
 }
 
 /// Returns how a scan is read: the options, and the number of the series.
-fn read_with(case: &Case) -> Vec<String> {
+pub(super) fn read_with(case: &Case) -> Vec<String> {
     let options = case.options.iter().filter(|o| is_reading(o)).flat_map(|o| [Some(o.name), o.value.as_deref()]);
     options.flatten().chain(case.series.as_deref()).map(str::to_owned).collect()
 }

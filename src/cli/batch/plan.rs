@@ -1,0 +1,97 @@
+//! What each case is expected to take: for the queue, and for whatever runs cases on other machines.
+
+use std::io;
+use std::path::Path;
+
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+
+use super::manifest::Case;
+use super::queue::{self, MEMORY, TIME};
+use super::record::{self, Class, Folder, Input, Record, State};
+use super::steps::Step;
+use super::work;
+use crate::cli::messages::print;
+use crate::error::Result;
+
+/// What is known of a case before it is run.
+pub(super) struct Expected {
+    /// What was recorded of it.
+    record: Option<Record>,
+    seen: Input,
+    /// Bytes.
+    pub memory: u64,
+    pub ms: u64,
+}
+
+/// A case of `--plan`.
+#[derive(Serialize)]
+struct Row<'a> {
+    id: &'a str,
+    /// `null` if it was never run.
+    state: Option<State>,
+    /// The class of its failure.
+    class: Option<Class>,
+    memory_bytes: u64,
+    seconds: f64,
+    /// Changes with all that decides whether there is something to do: the version, the steps, the options with their files, and the scan
+    /// as far as its files show without being read.
+    key: String,
+}
+
+/// Returns what each case is expected to take. What it took before counts most; what the others took, next.
+pub(super) fn expected(cases: &[Case], out: &Path) -> Vec<Expected> {
+    let before: Vec<_> = cases.iter().map(|c| Folder::new(out, &c.id).record()).collect();
+    let known = |took: fn(&Record) -> u64| {
+        let ran = cases.iter().zip(&before);
+        ran.filter_map(move |(c, r)| r.as_ref().map(|r| (queue::is_packed(&c.path), r.input.bytes, took(r))))
+    };
+    let (memory, time) = (MEMORY.learn(known(peak)), TIME.learn(known(ms)));
+    let of = |(case, record): (&Case, Option<Record>)| {
+        let seen = record::seen(&case.path);
+        let took = |took: fn(&Record) -> u64| record.as_ref().map(took).filter(|&t| t > 0);
+        let memory = took(peak).unwrap_or_else(|| memory.expected(&case.path, seen.bytes));
+        let ms = took(ms).unwrap_or_else(|| time.expected(&case.path, seen.bytes));
+        Expected { record, seen, memory, ms }
+    };
+    cases.iter().zip(before).map(of).collect()
+}
+
+/// The most memory that a step took, bytes; 0 if unknown.
+fn peak(record: &Record) -> u64 {
+    record.steps.values().filter_map(|m| m.times.get("peak_rss_bytes")?.as_u64()).max().unwrap_or(0)
+}
+
+/// The time of all steps, ms; 0 if unknown.
+fn ms(record: &Record) -> u64 {
+    (record.steps.values().filter_map(|m| m.times.get("seconds")?.as_f64()).sum::<f64>() * 1e3) as u64
+}
+
+/// Prints the plan as JSON.
+pub(super) fn tell(cases: &[Case], out: &Path, steps: &[Step]) -> Result<()> {
+    let expected = expected(cases, out);
+    let rows = cases.iter().zip(&expected).map(|(case, e)| Row {
+        id: &case.id,
+        state: e.record.as_ref().map(|r| r.state),
+        class: e.record.as_ref().and_then(|r| r.failure.as_ref()).map(|f| f.class),
+        memory_bytes: e.memory,
+        seconds: e.ms as f64 / 1e3,
+        key: key(case, &e.seen, steps),
+    });
+    let rows: Vec<Row<'_>> = rows.collect();
+    print(|to| {
+        serde_json::to_writer(&mut *to, &rows).map_err(io::Error::from)?;
+        writeln!(to)
+    })
+}
+
+fn key(case: &Case, seen: &Input, steps: &[Step]) -> String {
+    let seen = format!("{} {} {} {:?}", seen.files, seen.bytes, seen.modified_ns, work::read_with(case));
+    let mut hash = Sha256::new();
+    for step in steps {
+        // An option's file that cannot be read is a failure that changes when the file is there.
+        let key = record::key(*step, &seen, case.series.as_deref(), &case.options);
+        hash.update(key.unwrap_or_else(|e| e.to_string()));
+    }
+    record::hex(&hash.finalize())
+}
