@@ -90,7 +90,7 @@ class Study:
 
     def add_bad_inputs(self, every=1):
         """Adds twelve rows whose cases fail, or some of them."""
-        good = self.rows[0]["path"]
+        good = self.rows[-1]["path"]
         whole = (self.folder / good).read_bytes()
         (self.folder / "empty.nii.gz").write_bytes(b"")
         (self.folder / "cut.nii.gz").write_bytes(whole[: len(whole) // 2])
