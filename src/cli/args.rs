@@ -300,6 +300,9 @@ pub struct SegmentArgs {
     /// Treat the gas at this point (mm LPS) as colon, whatever it looks like
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub from: Option<Triple>,
+    /// Write a small picture of the colon from outside, seen from the front
+    #[arg(long, value_name = "F.png")]
+    pub picture: Option<PathBuf>,
     /// Write volumes and bounds as JSON
     #[arg(long, value_name = "F.json")]
     pub stats: Option<PathBuf>,

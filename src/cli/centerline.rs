@@ -8,6 +8,7 @@ use glam::DVec3;
 use serde_json::json;
 
 use crate::app::Timings;
+use crate::app::findings::DISTENDED_MM;
 use crate::app::scan::check_thick;
 use crate::cli::args::{CenterlineArgs, Global, Point};
 use crate::cli::case::curve;
@@ -51,6 +52,30 @@ impl Format {
     }
 }
 
+/// Calibers along a line: the diameters of the largest balls around its points.
+#[derive(Debug, PartialEq)]
+struct Calibers {
+    /// The mean, mm; guesses are left out.
+    mean_mm: f64,
+    /// The least, mm; 0 if the lumen is collapsed somewhere.
+    least_mm: f64,
+    /// The share of the length that is distended, 0 to 1.
+    distended: f64,
+}
+
+impl Calibers {
+    fn of(line: &Centerline) -> Self {
+        // A guess has no radius.
+        let known: Vec<f64> = line.radius_mm.iter().map(|r| 2.0 * r).filter(|mm| *mm > 0.0).collect();
+        let all = line.radius_mm.len().max(1) as f64;
+        Self {
+            mean_mm: known.iter().sum::<f64>() / known.len().max(1) as f64,
+            least_mm: 2.0 * line.radius_mm.iter().copied().reduce(f64::min).unwrap_or(0.0),
+            distended: known.iter().filter(|mm| **mm >= DISTENDED_MM).count() as f64 / all,
+        }
+    }
+}
+
 /// Runs the command. Fails with status 2 for an unknown ending or an input beside a mask, 3 if the input cannot be read, 4 if there
 /// is no lumen or no path through it, or if interrupted, 5 if an output cannot be written.
 pub(crate) fn run(args: &CenterlineArgs, global: &Global, progress: &Progress) -> Result<()> {
@@ -82,11 +107,15 @@ pub(crate) fn run(args: &CenterlineArgs, global: &Global, progress: &Progress) -
     write(&args.out, format, &line)?;
     if let Some(path) = &args.stats {
         let mut stats = prepare::stats_head(&timings);
+        let calibers = Calibers::of(&line);
         for (name, value) in [
             ("method", json!(args.method.unwrap_or_default())),
             ("length_mm", json!(line.length_mm)),
             ("points", json!(line.points.len())),
             ("guessed_mm", json!(line.guessed)),
+            ("caliber_mm", json!(calibers.mean_mm)),
+            ("least_caliber_mm", json!(calibers.least_mm)),
+            ("distended", json!(calibers.distended)),
             (
                 "narrow",
                 json!(
@@ -331,6 +360,20 @@ mod tests {
         assert_eq!(joined(&lumen(&[], true)), [DVec3::ZERO; 2]);
         assert_eq!(lumen(&chain, true).outermost(0..5), ends([0, 4]));
         assert_eq!(lumen(&chain, false).outermost(0..5), ends([2, 2]));
+    }
+
+    #[test]
+    fn calibers_leave_guesses_out_of_the_mean_and_count_them_as_collapsed() {
+        let line = |radius_mm: &[f64]| Centerline {
+            points: vec![DVec3::ZERO; radius_mm.len()],
+            radius_mm: radius_mm.to_vec(),
+            length_mm: radius_mm.len() as f64,
+            guessed: Vec::new(),
+        };
+        let calibers = |radius_mm: &[f64]| Calibers::of(&line(radius_mm));
+        assert_eq!(calibers(&[4.0, 5.0, 9.0]), Calibers { mean_mm: 12.0, least_mm: 8.0, distended: 2.0 / 3.0 });
+        assert_eq!(calibers(&[4.0, 0.0, 8.0, 0.0]), Calibers { mean_mm: 12.0, least_mm: 0.0, distended: 0.25 });
+        assert_eq!(calibers(&[]), Calibers { mean_mm: 0.0, least_mm: 0.0, distended: 0.0 });
     }
 
     #[test]

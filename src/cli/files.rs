@@ -27,7 +27,7 @@ impl Files {
             Some(Command::Explain(a)) => Self { written: Vec::new(), ..Self::fly(&a.fly) },
             Some(Command::Render(a)) => none().reads([&a.input, &a.poses]).writes([&a.out]).writes(&a.stats),
             Some(Command::Slice(a)) => none().reads(&a.input).writes([&a.out]),
-            Some(Command::Segment(a)) => none().reads([&a.input]).writes([&a.out]).writes(&a.stats),
+            Some(Command::Segment(a)) => none().reads([&a.input]).writes([&a.out]).writes(&a.stats).writes(&a.picture),
             Some(Command::Surface(a)) => none().reads(a.input.iter().chain(&a.mask)).writes([&a.out]).writes(&a.stats),
             Some(Command::Cleanse(a)) => none().reads([&a.input]).writes([&a.out]).writes(&a.stats),
             Some(Command::Centerline(a)) => {

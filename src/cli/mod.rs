@@ -14,6 +14,7 @@ mod fly;
 mod info;
 mod measure;
 mod messages;
+mod outside;
 mod own;
 mod phantom;
 mod phantom_args;

@@ -1,15 +1,16 @@
 //! `colvis segment`.
 
+use std::path::PathBuf;
+
 use glam::DVec3;
 use serde::Serialize;
 use serde_json::json;
 
 use crate::app::Timings;
 use crate::cli::args::{Global, LabelName, SegmentArgs};
-use crate::cli::files;
 use crate::cli::messages::say;
-use crate::cli::prepare;
 use crate::cli::shared::Use;
+use crate::cli::{outside, prepare};
 use crate::error::Result;
 use crate::fields::lumen::{self, GasKind, Lumen, Other, Remnant};
 use crate::fields::wall;
@@ -58,10 +59,12 @@ struct Mark {
 }
 
 /// Runs the command. Fails with status 3 if the input cannot be read, 4 if it is too flat to have an interior, has no gas of a
-/// colon (mask and stats are written) or if interrupted, 5 if an output cannot be written.
+/// colon (mask, stats and picture are written) or if interrupted, 5 if an output cannot be written.
 pub(crate) fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> Result<()> {
-    files::check_folders(&args.out, args.stats.as_deref())?;
+    let outputs = std::iter::once(&args.out).chain(&args.stats).chain(&args.picture);
+    output::check_folders(&outputs.map(PathBuf::as_path).collect::<Vec<_>>())?;
     io::check_ending(&args.out)?;
+    args.picture.as_deref().map_or(Ok(()), outside::check_ending)?;
     let mut timings = Timings::default();
     let input = prepare::load(&args.input, global, Use::Look, &mut timings, progress)?;
     let lumen = input.lumen_from(args.from.map(|p| p.0), &mut timings, progress)?;
@@ -81,7 +84,7 @@ pub(crate) fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> R
         false => None,
     };
     let grid = volume.grid().clone();
-    // Mask and stats are written even then.
+    // Mask, stats and picture are written even then.
     let refusal =
         lumen.segments.is_empty().then(|| prepare::no_lumen(&volume, &lumen, "give --from and a point in the colon"));
     drop(volume);
@@ -95,6 +98,9 @@ pub(crate) fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> R
     io::save_mask(&args.out, &grid, &mask, progress)?;
     if let Some(note) = io::written_note(&args.out, &grid) {
         say(&note);
+    }
+    if let Some(path) = &args.picture {
+        timings.time("picture_s", || outside::small(&lumen, progress)?.write_png(path))?;
     }
     if let (Some(path), Some(residue)) = (&args.stats, residue) {
         let mut stats = prepare::stats_head(&timings);

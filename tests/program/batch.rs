@@ -90,7 +90,7 @@ fn cases_are_made_once_and_a_changed_option_repeats_its_steps() {
     assert_eq!((&a["state"], &a["version"]), (&"done".into(), &env!("CARGO_PKG_VERSION").into()));
     assert!(a["input"]["content"].as_str().unwrap().starts_with("sha256:") && a["input"]["voxels"].as_u64() > Some(0));
     let outputs = a["steps"]["segment"]["outputs"].as_object().unwrap();
-    assert_eq!(outputs.keys().collect::<Vec<_>>(), ["segment.nii.gz"]);
+    assert_eq!(outputs.keys().collect::<Vec<_>>(), ["outside.png", "segment.nii.gz"]);
     assert!(a["steps"]["segment"]["results"]["lumen_ml"].as_f64() > Some(0.0), "{a}");
     assert!(a["steps"]["segment"]["times"]["peak_rss_bytes"].as_u64() > Some(0), "{a}");
     assert!(!a.to_string().contains("SMITH"));

@@ -17,7 +17,7 @@ const COMMANDS: [(&str, &str); 20] = [
     ),
     ("render", "--poses --out --size --quality --preset --samples --no-reuse --depth --stats !--normals"),
     ("slice", "--at --plane --size --mm-per-pixel --level --window --slab --out"),
-    ("segment", "--out --stats --labels --from"),
+    ("segment", "--out --stats --labels --from --picture"),
     ("surface", "--mask --out --stats --from"),
     ("centerline", "--mask --out --method --from --to --stats"),
     ("phantom", "--out --truth --size --with --position --labels --twin --slice --noise --into --lesions"),

@@ -59,10 +59,10 @@ impl Step {
         }
     }
 
-    /// The files, or the folder, that it writes into the case's folder.
+    /// The files, or the folder, that it writes into the case's folder: first what its command calls `--out`.
     pub(super) fn outputs(self) -> &'static [&'static str] {
         match self {
-            Self::Segment => &["segment.nii.gz"],
+            Self::Segment => &["segment.nii.gz", "outside.png"],
             Self::Centerline => &["centerline.json"],
             Self::Cleanse => &["cleansed.nii.gz"],
             Self::Fly => &["flight.jsonl"],
@@ -87,6 +87,9 @@ impl Step {
         line.extend(out.into_iter().flat_map(|out| [out.into(), output.clone()]));
         if matches!(self, Self::Fly | Self::Coverage) {
             line.push("--headless".into());
+        }
+        if self == Self::Segment {
+            line.extend(["--picture".into(), folder.join(self.outputs()[1]).into_os_string()]);
         }
         if self == Self::Coverage {
             line.push("--coverage".into());
