@@ -504,7 +504,7 @@ fn work(program: &Program) -> Result<()> {
         let args = parsed(line, shared)?;
         guarded(|| run(program, args))
     };
-    batch::worker::run(&batch::worker::Work { look: &look, make: &step })
+    batch::worker::run(&batch::worker::Work { look: &look, perform: &step })
 }
 
 /// Makes this thread one of the `threads` (default: one per processor) that share its work.

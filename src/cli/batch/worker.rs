@@ -52,7 +52,7 @@ pub(in crate::cli) struct Seen {
 /// What a worker does: functions of a command line, which share what they find.
 pub(in crate::cli) struct Work<'a> {
     pub look: &'a dyn Fn(Vec<OsString>, &Shared) -> Result<Seen>,
-    pub make: &'a dyn Fn(Vec<OsString>, &Shared) -> Result<()>,
+    pub perform: &'a dyn Fn(Vec<OsString>, &Shared) -> Result<()>,
 }
 
 /// Answers requests until there are no more. Fails with status 5 if it cannot answer.
@@ -90,7 +90,7 @@ fn answer(line: &str, work: &Work<'_>, shared: &Shared) -> Answer {
     let mut seen = None;
     let outcome = match serde_json::from_str(line) {
         Ok(Request::Look(line)) => (work.look)(line, shared).map(|found| seen = Some(found)),
-        Ok(Request::Run(line)) => (work.make)(line, shared),
+        Ok(Request::Run(line)) => (work.perform)(line, shared),
         Err(e) => Err(Error::fault("worker", format!("was asked for something unknown: {e}"), "report it")),
     };
     // What is not kept goes back to the system before the next step.
