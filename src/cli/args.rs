@@ -478,10 +478,14 @@ Archives in the settings file (colvis/settings.toml in the folder for configurat
 #[derive(ClapArgs, Clone, Debug)]
 pub struct BatchArgs {
     /// Manifest: a CSV file with a row for each case
-    pub manifest: PathBuf,
-    /// Folder to write a folder for each case into
+    #[arg(required_unless_present = "group")]
+    pub manifest: Option<PathBuf>,
+    /// Folder to write a folder for each case into, or the report of --group
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
+    /// Make one table and one page of the cases in this folder, and tell which of the manifest are missing
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["do", "only", "plan", "shard", "jobs", "memory", "timeout"])]
+    pub group: Option<PathBuf>,
     /// What to make of each scan [default: all but case]
     #[arg(long, value_name = "STEP,…", value_delimiter = ',')]
     pub r#do: Vec<Step>,

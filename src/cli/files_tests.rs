@@ -8,7 +8,7 @@ use crate::cli::Program;
 use crate::cli::args::{self, Args};
 
 /// Options with a file that is read, as `command option`; all others are written. `*` stands for `fly` and its kin.
-const READ: [&str; 27] = [
+const READ: [&str; 28] = [
     "* input",
     "* answers",
     "* replay",
@@ -29,6 +29,7 @@ const READ: [&str; 27] = [
     "case findings",
     "case scheme",
     "batch manifest",
+    "batch group",
     "archive names",
     "info input",
     "plane lumen",

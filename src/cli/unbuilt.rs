@@ -9,7 +9,7 @@ use crate::error::{Error, program_name};
 /// Planned commands.
 const COMMANDS: [&str; 3] = ["unfold", "match", "dataset"];
 /// Planned options of built commands.
-const OPTIONS: [&str; 4] = ["--second", "--normals", "--truth", "--group"];
+const OPTIONS: [&str; 3] = ["--second", "--normals", "--truth"];
 /// Planned values of built options, and of the argument `<SUBJECT>`.
 const VALUES: [(&str, &str); 4] =
     [("--camera", "fisheye"), ("--camera", "panorama"), ("<SUBJECT>", "unfold"), ("--do", "unfold")];

@@ -97,6 +97,8 @@ fn cases_are_made_once_and_a_changed_option_repeats_its_steps() {
     let bad = study.case("out", "bad");
     assert_eq!((&bad["state"], &bad["failure"]["class"]), (&"failed".into(), &"input".into()));
     assert!(bad["failure"]["line"].as_str().unwrap().starts_with("SCAN: "), "{bad}");
+    // The list of all ids, and nothing but ids.
+    assert_eq!(fs::read_to_string(study.at("out/cases.csv")).unwrap(), "id\na\nb\nbad\n");
     // What a command alone writes.
     run(&["centerline", &study.at("SMITH^JOHN.nii.gz"), "--out", &study.at("alone.json")], 0);
     let made = fs::read(Path::new(&study.at("out")).join("a/centerline.json")).unwrap();
@@ -190,7 +192,8 @@ fn shards_and_runs_that_were_killed_make_what_one_run_makes() {
         thread::sleep(Duration::from_millis(ms));
         child.kill().unwrap();
         child.wait().unwrap();
-        for case in fs::read_dir(&out).into_iter().flatten().flatten() {
+        let entries = fs::read_dir(&out).into_iter().flatten().flatten();
+        for case in entries.filter(|e| e.path().is_dir()) {
             let name = case.file_name().into_string().unwrap();
             assert!(name.starts_with(".work-") || case.path().join("case.json").is_file(), "{name}");
         }

@@ -32,7 +32,7 @@ const COMMANDS: [(&str, &str); 20] = [
     ("candidates", "--out --gallery --max --detector --from --stats"),
     ("!match", ""),
     ("!dataset", ""),
-    ("batch", "--out --do --shard --jobs --memory --timeout !--group"),
+    ("batch", "--out --do --shard --jobs --memory --timeout --group"),
 ];
 
 /// Options with a fixed set of values. A `!` marks what is not built.

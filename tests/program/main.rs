@@ -16,6 +16,7 @@ mod doors;
 mod examples;
 mod extremes;
 mod glossary;
+mod group;
 mod into;
 mod layers;
 mod leftovers;

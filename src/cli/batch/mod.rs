@@ -5,6 +5,8 @@
 //! on many machines may start these.
 
 mod child;
+mod group;
+mod list;
 mod manifest;
 mod plan;
 mod queue;
@@ -60,14 +62,25 @@ impl Count {
     }
 }
 
-/// Runs the command. Fails with status 2 for options that contradict each other or an unknown case, 3 if the manifest is wrong, 4 if cases failed or if
-/// interrupted, 5 if a folder cannot be written.
+/// Runs the command. Fails with status 2 for options that contradict each other or an unknown case, 3 if the manifest is wrong or `--group`
+/// finds no case, 4 if cases failed or if interrupted, 5 if a folder cannot be written.
 pub(crate) fn run(args: &BatchArgs, global: &Global, progress: &Progress) -> Result<()> {
+    if let Some(cases) = &args.group {
+        return group::run(cases, args.manifest.as_deref(), &args.out, progress);
+    }
+    let Some(manifest) = &args.manifest else {
+        return Err(Error::usage("batch", "has no manifest", "give a CSV file with a row for each case"));
+    };
     let mut steps = args.r#do.clone();
     if steps.is_empty() {
         steps.extend(Step::WITHOUT_FINDINGS);
     }
-    let cases = manifest::only(manifest::read(&args.manifest)?, &args.only)?;
+    let rows = manifest::read(manifest)?;
+    if !args.plan {
+        output::make_folder(&args.out)?;
+        list::write(&args.out, &rows)?;
+    }
+    let cases = manifest::only(rows, &args.only)?;
     let cases: Vec<Case> = cases
         .into_iter()
         .filter(|c| args.shard.is_none_or(|shard| c.is_in_shard([shard.number, shard.count])))
@@ -75,7 +88,6 @@ pub(crate) fn run(args: &BatchArgs, global: &Global, progress: &Progress) -> Res
     if args.plan {
         return plan::tell(&cases, &args.out, &steps);
     }
-    output::make_folder(&args.out)?;
     let cores = thread::available_parallelism().map_or(1, usize::from);
     let jobs = args.jobs.unwrap_or_else(|| (cores / global.threads.unwrap_or(1)).max(1));
     let program = std::env::current_exe()

@@ -18,9 +18,9 @@ use crate::progress::Progress;
 /// Name of the record in a case's folder.
 pub(super) const FILE: &str = "case.json";
 /// What precedes the name of a folder that is being written.
-const WORK: &str = ".work-";
+pub(super) const WORK: &str = ".work-";
 /// What precedes the name of a folder that is being replaced.
-const OLD: &str = ".old-";
+pub(super) const OLD: &str = ".old-";
 
 /// What is known of a case: `case.json`.
 #[derive(Clone, Debug, Deserialize, Serialize)]
