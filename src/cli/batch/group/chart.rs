@@ -14,8 +14,16 @@ const SIDE: f64 = 30.0;
 /// Number of marks of an axis.
 const MARKS: f64 = 5.0;
 
-/// Returns a distribution as a figure. `far` are the values of outliers, which are marked.
-pub(super) fn figure(distribution: &Distribution, far: impl Iterator<Item = f64>) -> String {
+/// An outlier in a distribution.
+pub(super) struct Mark<'a> {
+    pub(super) value: f64,
+    pub(super) id: &'a str,
+    /// The address of its case.
+    pub(super) address: String,
+}
+
+/// Returns a distribution as a figure, with the outliers marked.
+pub(super) fn figure<'a>(distribution: &Distribution, far: impl Iterator<Item = Mark<'a>>) -> String {
     let measure = distribution.measure();
     let histogram = distribution.histogram();
     let Histogram { from, width, counts, is_whole, beyond } = &histogram;
@@ -65,8 +73,14 @@ pub(super) fn figure(distribution: &Distribution, far: impl Iterator<Item = f64>
         }
         before = label;
     }
-    for value in far.filter(|v| (*from..=to).contains(v)) {
-        let _ = write!(svg, "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"2.5\"/>", x(value), bottom);
+    for mark in far.filter(|m| (*from..=to).contains(&m.value)) {
+        let told = escape(&format!("{}: {}", mark.id, with_unit(mark.value, measure.unit)));
+        let _ = write!(
+            svg,
+            "<a href=\"{}\"><circle cx=\"{:.1}\" cy=\"{bottom:.1}\" r=\"3\"><title>{told}</title></circle></a>",
+            mark.address,
+            x(mark.value)
+        );
     }
     for (count, at, arrow) in [(beyond[0], 2.0, "← "), (beyond[1], SIZE[0] - 2.0, "→ ")] {
         if count > 0 {
@@ -121,11 +135,15 @@ mod tests {
                 row
             };
             let rows: Vec<Row> = values.iter().map(row).collect();
-            figure(&Distribution::of(number, &rows).unwrap(), values.iter().copied())
+            let mark = |x: &f64| Mark { value: *x, id: "<a>", address: "#c0".to_owned() };
+            figure(&Distribution::of(number, &rows).unwrap(), values.iter().map(mark))
         };
         for values in [&[0.5, 0.51][..], &[0.0, 1e-30], &[-1e200, 0.5, 0.6, 1e200], &[1e-9, 2e-9]] {
             let html = figure_of(values);
-            assert!(html.contains("<svg") && !html.contains("NaN") && !html.contains("inf"), "{html}");
+            assert!(
+                html.contains("<svg") && !html.contains("<a>") && !html.contains("NaN") && !html.contains("inf"),
+                "{html}"
+            );
             assert!(html.matches("<text").count() < 20, "{html}");
         }
         assert!(figure_of(&[0.5, 0.5, 0.6]).contains("median 50\u{a0}%, 5 % 50, 95 % 59, from 50 to 60, 3 cases<"));

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use super::super::steps::Step;
-use super::chart;
+use super::chart::{self, Mark};
 use super::distributions::{Distribution, OUTLIER, Outlier, quantile};
 use super::measures::{MEASURES, short, with_unit};
 use super::pictures;
@@ -170,8 +170,9 @@ impl Group<'_> {
         let link = |id: &String| self.link(id);
         row("In the list, but no case", told.missing.len(), some(&told.missing, link));
         row("A case, but not in the list", told.extra.len(), some(&told.extra, link));
-        let twice = |ids: &Vec<String>| some(ids, link).replace(", ", " = ");
-        row("The same scan in several cases", told.twice.len(), some(&told.twice, twice));
+        // An id may have a comma.
+        let twice = |ids: &Vec<String>| format!("<p>{}</p>", joined(ids, " = ", link));
+        row("The same scan in several cases", told.twice.len(), joined(&told.twice, "", twice));
         let unreadable: Vec<String> =
             self.rows.iter().filter(|r| r.state == State::Unreadable).map(|r| r.id.clone()).collect();
         row("A record that cannot be read", unreadable.len(), some(&unreadable, link));
@@ -204,7 +205,10 @@ impl Group<'_> {
              cases beyond the drawing.</p><div class=\"charts\">"
         );
         for (n, distribution) in self.distributions.iter().enumerate() {
-            let far = self.outliers.iter().flat_map(|o| &o.reasons).filter(|r| r.distribution == n).map(|r| r.value);
+            let far = self.outliers.iter().filter_map(|o| {
+                let value = o.reasons.iter().find(|r| r.distribution == n)?.value;
+                Some(Mark { value, id: &self.rows[o.row].id, address: address(o.row) })
+            });
             out.push_str(&chart::figure(distribution, far));
         }
         out.push_str("</div>\n");
@@ -361,7 +365,7 @@ impl Group<'_> {
                 } else {
                     format!("{}, {}: ", escape(&failure.class), escape(&failure.step))
                 };
-                let _ = write!(out, "<p class=\"bad\">{}: {class}{}</p>", row.state.name(), escape(&failure.line));
+                let _ = write!(out, "<p class=\"bad why\">{}: {class}{}</p>", row.state.name(), escape(&failure.line));
             }
             let facts = ON_CARD.iter().filter_map(|name| {
                 let n = MEASURES.iter().position(|m| m.name == *name)?;
@@ -409,10 +413,15 @@ impl Group<'_> {
     /// A link to a case, from the first page.
     fn link(&self, id: &str) -> String {
         let Ok(n) = self.rows.binary_search_by(|r| r.id.as_str().cmp(id)) else { return escape(id) };
-        let page = n / TOGETHER;
-        let file = if page == 0 { String::new() } else { name(page) };
-        format!("<a href=\"{file}#c{n}\">{}</a>", escape(id))
+        format!("<a href=\"{}\">{}</a>", address(n), escape(id))
     }
+}
+
+/// The address of a case, from the first page.
+fn address(row: usize) -> String {
+    let page = row / TOGETHER;
+    let file = if page == 0 { String::new() } else { name(page) };
+    format!("{file}#c{row}")
 }
 
 /// The picture of a row, or where it would be.
@@ -434,10 +443,15 @@ fn cases(n: usize) -> String {
 
 /// The first entries of a list, and how many there are beside.
 fn some<T>(list: &[T], text: impl Fn(&T) -> String) -> String {
+    joined(list, ", ", text)
+}
+
+/// As [`some`], with something else between them.
+fn joined<T>(list: &[T], between: &str, text: impl Fn(&T) -> String) -> String {
     let shown: Vec<String> = list.iter().take(MOST_IDS).map(text).collect();
     match list.len().saturating_sub(MOST_IDS) {
-        0 => shown.join(", "),
-        n => format!("{} and {n} more", shown.join(", ")),
+        0 => shown.join(between),
+        n => format!("{} and {n} more", shown.join(between)),
     }
 }
 
