@@ -76,11 +76,11 @@ pub(crate) fn run(args: &BatchArgs, global: &Global, progress: &Progress) -> Res
         steps.extend(Step::WITHOUT_FINDINGS);
     }
     let rows = manifest::read(manifest)?;
+    let cases = manifest::only(rows.clone(), &args.only)?;
     if !args.plan {
         output::make_folder(&args.out)?;
         list::write(&args.out, &rows)?;
     }
-    let cases = manifest::only(rows, &args.only)?;
     let cases: Vec<Case> = cases
         .into_iter()
         .filter(|c| args.shard.is_none_or(|shard| c.is_in_shard([shard.number, shard.count])))
