@@ -48,6 +48,9 @@ def troubles(study, out, one):
     holds("3 of 10 cases" not in told and "10 of 10 cases have ended, 3 of them failed" in told, f"all have ended:\n{told}")
     found = statuses(out)
     holds(found["A 1"]["class"] == "killed" and found["b,2"]["state"] == "done", f"what came of them: {found}")
+    table = (out / "group" / "cases.csv").read_text()
+    lost = [line for line in table.splitlines() if line.startswith("A 1,")]
+    holds(len(lost) == 1 and lost[0].startswith("A 1,missing,"), f"the table lists a case that left no record: {lost}")
     holds((out / "group" / "index.html").exists(), "the page is made with failures, too")
     # Tried again by hand.
     next((out / "status").glob("A_1=*.json")).unlink()
@@ -72,7 +75,8 @@ def main():
     clock("Snakemake")
     study.snakemake(out, "--report", study.folder / "report.html")
     report = (study.folder / "report.html").read_text()
-    holds("cases.csv" in report and "DOE" not in report, "Snakemake's report has the table, and names no file")
+    holds("index.html" in report and "cases.csv" in report, "Snakemake's report has the page and the table")
+    holds("DOE" not in report, "Snakemake's report names no file")
     clock("its report")
     if why := slurm.missing():
         status = skip("slurm", why)

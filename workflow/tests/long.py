@@ -16,10 +16,12 @@ import time
 from pathlib import Path
 
 import slurm
-from study import (COLVIS, PLACE, SLURM, WORKFLOW, Clock, Study, changes, fresh, holds, jobs_of, lasting, missing, run, same,
+from study import (COLVIS, PATIENCE, PLACE, SLURM, WORKFLOW, Clock, Study, changes, fresh, holds, jobs_of, lasting, missing, run, same,
                    statuses)
 
 KILLS = 10
+# Shots that end the workflow itself.
+WHOLE = {"all", "Snakemake"}
 
 
 def processes(word):
@@ -60,26 +62,30 @@ class Interrupted:
     def unlock(self):
         self.study.snakemake(self.out, "--unlock", *self.options, profile=self.profile, environment=self.environment)
 
-    def killed(self, shots, least_s, most_s):
-        """Lets it run for a drawn time, again and again, and shoots at one of `shots`, drawn. Returns which were hit."""
-        hit = []
-        (self.study.folder / "work").mkdir(exist_ok=True)
+    def killed(self, shots, seconds):
+        """Shoots at one of `shots`, drawn, after a drawn time, ten times, and runs the workflow again if it was hit. A whole run takes so many
+        seconds. Returns what was hit."""
+        hit, snakemake = [], None
         while len(hit) < KILLS:
-            snakemake = self.start()
+            if snakemake is None:
+                snakemake = self.start()
+                # Its first seconds make no case.
+                time.sleep(2)
             try:
-                snakemake.wait(self.chance.uniform(least_s, most_s))
-                holds(snakemake.returncode == 0, f"the workflow ends well: {self.told}")
-                break
+                snakemake.wait(self.chance.uniform(0, seconds / KILLS))
+                holds(False, f"it runs until {KILLS} shots were fired: {self.told}")
             except subprocess.TimeoutExpired:
                 pass
             name = self.chance.choice([*shots])
             hit.append(name)
             shots[name](snakemake)
-            # What is not dead yet ends in its way: only the workflow itself must be down.
-            if name != "all":
-                kill([snakemake.pid])
-            snakemake.wait()
-            self.unlock()
+            if name in WHOLE:
+                # What is not dead yet ends in its way.
+                snakemake.wait()
+                self.unlock()
+                snakemake = None
+        if snakemake is not None:
+            holds(snakemake.wait(PATIENCE) == 0, f"the workflow ends well: {self.told}")
         return hit
 
     def finish(self):
@@ -96,7 +102,7 @@ class Interrupted:
         return told
 
 
-def killed_here(study, one, chance):
+def killed_here(study, one, chance, seconds):
     out = study.folder / "killed"
     batch = lambda: [pid for pid, line in processes(str(out)).items() if " batch " in line and "case.py" not in line]
     shots = {
@@ -106,13 +112,13 @@ def killed_here(study, one, chance):
         "jobs": lambda _: kill([pid for pid, line in processes(str(out)).items() if "case.py" in line]),
     }
     workflow = Interrupted(study, out, chance, "local", ["--resources", "mem_mb=4000"])
-    hit = workflow.killed(shots, 5, 25)
+    hit = workflow.killed(shots, seconds)
     workflow.finish()
     same(one, lasting(out / "cases"), "one run and a killed one")
     return f"{len(hit)} kills: {', '.join(hit)}"
 
 
-def killed_on_slurm(study, one, chance, cluster):
+def killed_on_slurm(study, one, chance, seconds, cluster):
     """Snakemake, jobs, nodes' processes and colvis are killed, and a node is drained in the middle."""
     out = study.folder / "killed on Slurm"
     jobs = lambda: [line.split()[0] for line in cluster.running() if " RUNNING " in line]
@@ -132,7 +138,7 @@ def killed_on_slurm(study, one, chance, cluster):
     shots = {"Snakemake": lambda snakemake: kill([snakemake.pid]), "a job": cancel, "colvis": lambda _: kill(batch()[:1]),
              "a node": drain}
     workflow = Interrupted(study, out, chance, "slurm", SLURM, cluster.environment)
-    hit = workflow.killed(shots, 15, 45)
+    hit = workflow.killed(shots, seconds)
     if drained and drained[-1] == "drain":
         drain(None)
     workflow.finish()
@@ -235,23 +241,27 @@ def main():
         same(one, lasting(study.folder / "shards"), "one run and shards")
         clock("four shards")
     local = study.folder / "local"
-    if {"local", "changes"} & {*wanted}:
+    if {"local", "changes", "killed"} & {*wanted}:
+        begun = time.monotonic()
         told = study.snakemake(local, "--resources", "mem_mb=8000")
         holds(jobs_of(told) == (len(study.rows), 1), "a job for each case")
+        seconds = time.monotonic() - begun
         same(one, lasting(local / "cases"), "one run and Snakemake")
         clock("Snakemake")
     if "killed" in wanted:
-        clock(f"Snakemake, killed: {killed_here(study, one, chance)}")
+        clock(f"Snakemake, killed: {killed_here(study, one, chance, seconds)}")
     if {"slurm", "killed", "drained"} & {*wanted}:
         with slurm.Slurm(study.folder / "slurm") as cluster:
-            if "slurm" in wanted:
+            if {"slurm", "killed"} & {*wanted}:
+                begun = time.monotonic()
                 study.snakemake(study.folder / "cluster", *SLURM, profile="slurm", environment=cluster.environment)
+                seconds = time.monotonic() - begun
                 same(one, lasting(study.folder / "cluster" / "cases"), "one run and Slurm")
                 clock("Slurm")
             if "drained" in wanted:
                 clock(f"Slurm: {drained(study, one, cluster)}")
             if "killed" in wanted:
-                clock(f"Slurm, killed: {killed_on_slurm(study, one, chance, cluster)}")
+                clock(f"Slurm, killed: {killed_on_slurm(study, one, chance, seconds, cluster)}")
     if "recipes" in wanted:
         recipes(study, one)
         clock("recipes")
