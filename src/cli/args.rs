@@ -107,6 +107,8 @@ pub enum Command {
     Candidates(CandidatesArgs),
     /// Measure the lesion at a point of the wall
     Measure(MeasureArgs),
+    /// Find which places of two scans of one patient belong together
+    Match(MatchArgs),
     /// Write the report of a reading, and its findings for other programs
     Case(CaseArgs),
     /// Make masks, centerlines, flights and more of many scans
@@ -474,6 +476,21 @@ Archives in the settings file (colvis/settings.toml in the folder for configurat
   key = \"own.key\"          its key
   name = \"archive.local\"   the name in the archive's certificate, if it is not the host";
 
+/// `match`'s arguments.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct MatchArgs {
+    /// Scan of the patient in one position
+    pub a: PathBuf,
+    /// Scan in another position
+    pub b: PathBuf,
+    /// Pairs: distances along both colons from the rectum, with the uncertainty of the second, mm (.json)
+    #[arg(long, value_name = "F")]
+    pub out: PathBuf,
+    /// Write statistics
+    #[arg(long, value_name = "F.json")]
+    pub stats: Option<PathBuf>,
+}
+
 /// `batch`'s arguments.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct BatchArgs {
@@ -484,7 +501,7 @@ pub struct BatchArgs {
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
     /// Make one table and one page of the cases in this folder, and tell which of the manifest are missing
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["do", "only", "plan", "shard", "jobs", "memory", "timeout"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["do", "only", "shard", "jobs", "memory", "timeout"])]
     pub group: Option<PathBuf>,
     /// What to make of each scan [default: all but case]
     #[arg(long, value_name = "STEP,…", value_delimiter = ',')]

@@ -54,6 +54,7 @@ impl Files {
             // Its files are those of the commands that it runs.
             Some(Command::BatchWorker) => none(),
             Some(Command::Batch(a)) => none().reads(a.manifest.iter().chain(&a.group)).writes([&a.out]),
+            Some(Command::Match(a)) => none().reads([&a.a, &a.b]).writes([&a.out]).writes(&a.stats),
             Some(Command::Measure(a)) => none().reads([&a.input]).writes(&a.out).writes(&a.stats),
             Some(Command::Phantom(a)) => {
                 none().reads(&a.into).writes([&a.out]).writes(&a.twin).writes(&a.labels).writes(&a.truth)

@@ -8,7 +8,7 @@ use crate::cli::Program;
 use crate::cli::args::{self, Args};
 
 /// Options with a file that is read, as `command option`; all others are written. `*` stands for `fly` and its kin.
-const READ: [&str; 28] = [
+const READ: [&str; 30] = [
     "* input",
     "* answers",
     "* replay",
@@ -24,6 +24,8 @@ const READ: [&str; 28] = [
     "centerline input",
     "centerline mask",
     "candidates input",
+    "match a",
+    "match b",
     "measure input",
     "case input",
     "case findings",

@@ -12,6 +12,7 @@ mod explain;
 mod files;
 mod fly;
 mod info;
+mod matching;
 mod measure;
 mod messages;
 mod outside;
@@ -431,6 +432,7 @@ fn run(program: &Program, args: Args) -> Result<()> {
             | Command::Slice(_)
             | Command::Segment(_)
             | Command::Candidates(_)
+            | Command::Match(_)
             | Command::Measure(_)
             | Command::Case(_)
             | Command::Archive(_)
@@ -446,6 +448,7 @@ fn run(program: &Program, args: Args) -> Result<()> {
         Some(Command::Slice(a)) => slice::run(&a, &global, &progress),
         Some(Command::Segment(a)) => segment::run(&a, &global, &progress),
         Some(Command::Measure(a)) => measure::run(&a, &global, &progress),
+        Some(Command::Match(a)) => matching::run(&a, &global, &progress),
         Some(Command::Case(a)) => case::run(&a, &global, &progress),
         Some(Command::Batch(a)) => batch::run(&a, &global, &progress),
         Some(Command::BatchWorker) => work(program),

@@ -7,7 +7,7 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use crate::error::{Error, program_name};
 
 /// Planned commands.
-const COMMANDS: [&str; 3] = ["unfold", "match", "dataset"];
+const COMMANDS: [&str; 2] = ["unfold", "dataset"];
 /// Planned options of built commands.
 const OPTIONS: [&str; 3] = ["--second", "--normals", "--truth"];
 /// Planned values of built options, and of the argument `<SUBJECT>`.

@@ -30,7 +30,7 @@ const COMMANDS: [(&str, &str); 20] = [
     ("!unfold", ""),
     ("measure", "--at --out --from --stats"),
     ("candidates", "--out --gallery --max --detector --from --stats"),
-    ("!match", ""),
+    ("match", "--out --stats"),
     ("!dataset", ""),
     ("batch", "--out --do --shard --jobs --memory --timeout --group"),
 ];

@@ -66,6 +66,9 @@ impl Count {
 /// finds no case, 4 if cases failed or if interrupted, 5 if a folder cannot be written.
 pub(crate) fn run(args: &BatchArgs, global: &Global, progress: &Progress) -> Result<()> {
     if let Some(cases) = &args.group {
+        if args.plan {
+            return Err(Error::usage("--plan", "tells nothing of --group", "leave one of them out"));
+        }
         return group::run(cases, args.manifest.as_deref(), &args.out, progress);
     }
     let Some(manifest) = &args.manifest else {

@@ -10,6 +10,7 @@ pub mod connection;
 #[doc(hidden)]
 pub mod distance;
 pub mod lumen;
+pub mod matching;
 mod neighbours;
 mod sample;
 mod target;

@@ -1,0 +1,71 @@
+//! `colvis match`: which places of two scans of one patient belong together.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use serde_json::json;
+
+use crate::app::Timings;
+use crate::cli::args::{Global, MatchArgs};
+use crate::cli::messages::say;
+use crate::cli::prepare;
+use crate::cli::shared::Use;
+use crate::error::{Error, Result};
+use crate::fields::matching::Matching;
+use crate::fields::{Along, Lumen};
+use crate::output;
+use crate::progress::Progress;
+
+/// Runs the command. Fails with status 3 if an input cannot be read, 4 if one has no colon or no line through it, or if interrupted, 5 if
+/// an output cannot be written.
+pub(crate) fn run(args: &MatchArgs, global: &Global, progress: &Progress) -> Result<()> {
+    let outputs: Vec<&Path> =
+        [Some(&args.out), args.stats.as_ref()].into_iter().flatten().map(|p| p.as_path()).collect();
+    output::check_folders(&outputs)?;
+    let mut timings = Timings::default();
+    let (a, b) = (colon(&args.a, global, &mut timings, progress)?, colon(&args.b, global, &mut timings, progress)?);
+    let matched = timings.time("match_s", || Matching::new((&a.0, &a.1), (&b.0, &b.1), progress))?;
+    // Both have a line.
+    let Some(matched) = matched else { return Err(Error::fault("match", "found no line", "report it")) };
+    let gaps = matched.gaps();
+    for (name, gaps) in ["the first scan", "the second scan"].into_iter().zip(gaps) {
+        for [from, to] in gaps {
+            say(&format!("from {from:.0} to {to:.0} mm {name} is collapsed: what belongs there is a guess"));
+        }
+    }
+    output::write_json(
+        &args.out,
+        &json!({
+            "pairs": matched.pairs(),
+            "turn_degrees": matched.turns(),
+            "length_mm": matched.lengths_mm(),
+            "gaps": {"a": gaps[0], "b": gaps[1]},
+        }),
+    )?;
+    if let Some(path) = &args.stats {
+        let mut stats = prepare::stats_head(&timings);
+        let pairs = matched.pairs();
+        let mut uncertain: Vec<f64> = pairs.iter().map(|p| p[2]).collect();
+        uncertain.sort_by(f64::total_cmp);
+        let share = |share: f64| uncertain.get(((uncertain.len() - 1) as f64 * share) as usize).copied();
+        stats.insert("pairs".to_owned(), json!(pairs.len()));
+        stats.insert("uncertainty_mm".to_owned(), json!([share(0.5), share(0.95)]));
+        output::write_json(path, &stats)?;
+    }
+    Ok(())
+}
+
+/// Returns the cleansed lumen of a scan, and the measure along it.
+fn colon(input: &Path, global: &Global, timings: &mut Timings, progress: &Progress) -> Result<(Lumen, Arc<Along>)> {
+    // The command cleanses the scans itself; `--cleanse` must not do it first.
+    let global = Global { cleanse: false, ..global.clone() };
+    let mut read = prepare::load(input, &global, Use::Change, timings, progress)?;
+    let (lumen, _) = read.cleanse(None, true, timings, progress)?;
+    let along = lumen.along(&read.volume, progress)?;
+    if along.line().is_none() {
+        let why =
+            format!("no line leads from the rectum to the cecum: its colon is in {} pieces", lumen.segments.len());
+        return Err(Error::incomplete(input.display().to_string(), why, "give a scan whose colon is better filled"));
+    }
+    Ok((lumen, along))
+}

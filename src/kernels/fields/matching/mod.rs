@@ -1,0 +1,186 @@
+//! Two scans of one patient in two positions: which place of one colon is which of the other.
+//!
+//! Fluid and stool move, and the colon lies elsewhere, is stretched, and turns about its line; its folds, its caliber and its polyps stay.
+//! So the walls are compared row by row ([`image`]) and paired in order ([`align`]), each with the probability of being wrong.
+
+mod align;
+mod image;
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+
+use super::{Along, Lumen};
+use crate::error::Result;
+use crate::progress::Progress;
+use align::{Paired, align};
+use image::{STEP_MM, WallImage};
+
+/// Distance between the pairs of [`Matching::pairs`], mm.
+const PAIRS_MM: f64 = 4.0;
+/// A wall is sought as far as this from the line, mm.
+const FAR_MM: f64 = 60.0;
+/// Step of that search, mm.
+const RAY_MM: f64 = 0.25;
+
+/// Places of one colon and those of another that belong together. `A` is the first, `B` the second.
+#[derive(Clone, Debug)]
+pub struct Matching {
+    frames: [Vec<image::Frame>; 2],
+    /// For each row of `A`.
+    paired: Vec<Paired>,
+    lengths_mm: [f64; 2],
+    /// Stretches of each that are collapsed (from, to; mm along).
+    gaps: [Vec<[f64; 2]>; 2],
+}
+
+/// A place of the other colon.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Match {
+    /// Distance along the other colon, mm.
+    pub along_mm: f64,
+    /// The place is within this of it along the colon, with a probability of 90 %, mm.
+    pub uncertainty_mm: f64,
+    /// Point of the other line, world mm.
+    pub on_line: DVec3,
+    /// Unit direction of the other line towards the cecum, world.
+    pub tangent: DVec3,
+    /// Unit direction from the line towards the wall, world.
+    pub towards: DVec3,
+    /// How sure the direction is: 0 (any) to 1.
+    pub sure: f64,
+    /// True if either colon is collapsed there.
+    pub is_gap: bool,
+}
+
+impl Matching {
+    /// Matches two colons, each with its measure from the rectum to the cecum. `None` if one of them has no line that leads there.
+    ///
+    /// # Errors
+    /// Returns status 4 if interrupted.
+    pub fn new(a: (&Lumen, &Along), b: (&Lumen, &Along), progress: &Progress) -> Result<Option<Self>> {
+        progress.stage("comparing walls", 0);
+        let image = |(lumen, along): (&Lumen, &Along)| WallImage::new(lumen, along);
+        let (Some(first), Some(second)) = (image(a), image(b)) else { return Ok(None) };
+        progress.check()?;
+        let paired = align(&first, &second);
+        progress.check()?;
+        let gaps = [a.1, b.1].map(|along| along.guessed().to_vec());
+        let lengths_mm = [&first, &second].map(|i| (i.rows().max(1) - 1) as f64 * STEP_MM);
+        Ok(Some(Self { frames: [first.frames, second.frames], paired, lengths_mm, gaps }))
+    }
+
+    /// Returns distances along `A` and `B` that belong together, with the uncertainty of the second, mm. Both grow from pair to pair.
+    pub fn pairs(&self) -> Vec<[f64; 3]> {
+        let count = (self.lengths_mm[0] / PAIRS_MM).floor() as usize + 1;
+        (0..count)
+            .map(|n| {
+                let mm = n as f64 * PAIRS_MM;
+                let pair = self.paired_at(mm);
+                [mm, self.in_second(pair.row), pair.uncertain * STEP_MM]
+            })
+            .collect()
+    }
+
+    /// Returns the turn of `B` against `A` for the pairs, with its sureness from 0 to 1: degrees between frames that do not turn about
+    /// either line and begin with angle 0 towards the patient's front.
+    pub fn turns(&self) -> Vec<[f64; 3]> {
+        let count = (self.lengths_mm[0] / PAIRS_MM).floor() as usize + 1;
+        (0..count)
+            .map(|n| {
+                let pair = self.paired_at(n as f64 * PAIRS_MM);
+                [n as f64 * PAIRS_MM, pair.turn.to_degrees(), pair.sure]
+            })
+            .collect()
+    }
+
+    /// Lengths of both lines, mm.
+    pub fn lengths_mm(&self) -> [f64; 2] {
+        self.lengths_mm
+    }
+
+    /// Collapsed stretches of both (from, to; mm along).
+    pub fn gaps(&self) -> [&[[f64; 2]]; 2] {
+        [&self.gaps[0], &self.gaps[1]]
+    }
+
+    /// Returns what in `B` belongs to a place of `A` (world, mm) that is `along_mm` from its rectal end.
+    pub fn in_b(&self, place: DVec3, along_mm: f64) -> Option<Match> {
+        let pair = self.paired_at(along_mm);
+        let frame = self.frames[0].get(row_of(along_mm, self.frames[0].len())?)?;
+        Some(self.place(1, pair, frame.angle(place - frame.at) + pair.turn, along_mm, self.in_second(pair.row)))
+    }
+
+    /// Returns what in `A` belongs to a place of `B` (world, mm) that is `along_mm` from its rectal end.
+    pub fn in_a(&self, place: DVec3, along_mm: f64) -> Option<Match> {
+        let row = along_mm / STEP_MM;
+        let at = self.paired.partition_point(|p| p.row < row);
+        // Rows of `A` that have the same median count alike.
+        let same = self.paired.partition_point(|p| p.row <= row).max(at + 1);
+        let (low, high) = (at.saturating_sub(1), same.min(self.paired.len()) - 1);
+        let (before, after) = (self.paired.get(low)?, self.paired.get(high)?);
+        let share =
+            if after.row > before.row { ((row - before.row) / (after.row - before.row)).clamp(0.0, 1.0) } else { 0.5 };
+        let own = low as f64 + share * (high - low) as f64;
+        let pair = self.paired_at(own * STEP_MM);
+        let frame = self.frames[1].get(row_of(along_mm, self.frames[1].len())?)?;
+        let angle = frame.angle(place - frame.at) - pair.turn;
+        Some(self.place(0, pair, angle, own * STEP_MM, along_mm))
+    }
+
+    fn place(&self, which: usize, pair: Paired, angle: f64, a_mm: f64, b_mm: f64) -> Match {
+        let along_mm = [a_mm, b_mm][which];
+        let frames = &self.frames[which];
+        let frame = frames[row_of(along_mm, frames.len()).unwrap_or(0)];
+        let within = |mm: f64, gaps: &[[f64; 2]]| gaps.iter().any(|[from, to]| (*from..=*to).contains(&mm));
+        Match {
+            along_mm,
+            uncertainty_mm: pair.uncertain * STEP_MM,
+            on_line: frame.at,
+            tangent: frame.tangent,
+            towards: frame.direction(angle),
+            sure: pair.sure,
+            is_gap: within(a_mm, &self.gaps[0]) || within(b_mm, &self.gaps[1]),
+        }
+    }
+
+    /// Returns the pair of a distance along `A`, mm.
+    fn paired_at(&self, mm: f64) -> Paired {
+        let none = Paired { row: 0.0, uncertain: 0.0, turn: 0.0, sure: 0.0 };
+        let Some(last) = self.paired.len().checked_sub(1) else { return none };
+        let row = (mm / STEP_MM).clamp(0.0, last as f64);
+        let (low, high) = (row.floor() as usize, row.ceil() as usize);
+        let (a, b, share) = (self.paired[low], self.paired[high], row - row.floor());
+        let turned = b.turn - a.turn;
+        let turned = turned - TAU * (turned / TAU).round();
+        let mix = |a: f64, b: f64| a + (b - a) * share;
+        Paired {
+            row: mix(a.row, b.row),
+            uncertain: mix(a.uncertain, b.uncertain),
+            turn: a.turn + turned * share,
+            sure: mix(a.sure, b.sure),
+        }
+    }
+
+    fn in_second(&self, row: f64) -> f64 {
+        (row * STEP_MM).clamp(0.0, self.lengths_mm[1])
+    }
+}
+
+impl Match {
+    /// Returns the place of the wall of `lumen`, the other colon's: where a line from its centerline leaves it.
+    pub fn on_wall(&self, lumen: &Lumen) -> DVec3 {
+        let is_inside = |p: DVec3| lumen.segment_at(p).is_some() || lumen.is_fluid(p);
+        let mut reach = 0.0;
+        while reach < FAR_MM && is_inside(self.on_line + self.towards * (reach + RAY_MM)) {
+            reach += RAY_MM;
+        }
+        self.on_line + self.towards * (reach + 0.5 * RAY_MM)
+    }
+}
+
+/// Returns the row nearest to a distance, mm.
+fn row_of(mm: f64, rows: usize) -> Option<usize> {
+    let last = rows.checked_sub(1)?;
+    Some((mm / STEP_MM).round().clamp(0.0, last as f64) as usize)
+}
