@@ -128,6 +128,11 @@ def killed_on_slurm(study, one, chance, seconds, cluster):
         for job in jobs()[:1]:
             cluster.run("scancel", "--signal=KILL", "--full", job)
 
+    def end(snakemake):
+        kill([snakemake.pid])
+        # As README says. Those that run go on.
+        cluster.run("scancel", "--state=PENDING", f"--user={os.geteuid()}")
+
     drained = []
 
     def drain(_):
@@ -135,8 +140,7 @@ def killed_on_slurm(study, one, chance, seconds, cluster):
         drained.append(state)
         cluster.run("scontrol", "update", "NodeName=node1", f"State={state}", "Reason=test")
 
-    shots = {"Snakemake": lambda snakemake: kill([snakemake.pid]), "a job": cancel, "colvis": lambda _: kill(batch()[:1]),
-             "a node": drain}
+    shots = {"Snakemake": end, "a job": cancel, "colvis": lambda _: kill(batch()[:1]), "a node": drain}
     workflow = Interrupted(study, out, chance, "slurm", SLURM, cluster.environment)
     hit = workflow.killed(shots, seconds)
     if drained and drained[-1] == "drain":
