@@ -17,7 +17,6 @@ pub(super) mod worker;
 
 use std::collections::BTreeMap;
 use std::io::IsTerminal;
-use std::path::Path;
 use std::sync::mpsc;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -28,7 +27,8 @@ use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::{memory, output};
 use manifest::Case;
-use queue::{Ledger, Queue, Waiting};
+use plan::Learning;
+use queue::{Ledger, Queue};
 use record::{Class, State};
 use steps::Step;
 use work::{Came, Outcome, Run};
@@ -105,8 +105,9 @@ pub(crate) fn run(args: &BatchArgs, global: &Global, progress: &Progress) -> Res
     // The limit of all processes together.
     let memory =
         args.memory.or_else(|| memory::available().map(|free| (free as f64 * SHARE) as u64)).unwrap_or(u64::MAX);
-    let waiting = waiting(&cases, &args.out);
-    let count = all(&run, &cases, Queue::new(waiting, jobs, memory), &Ledger::new(memory), progress)?;
+    let mut learning = Learning::new(&cases, &args.out);
+    let queue = Queue::new(learning.waiting(), jobs, memory);
+    let count = all(&run, &cases, queue, (&Ledger::new(memory), &mut learning), progress)?;
     let by_class: Vec<String> =
         count.failed.iter().map(|(class, n)| format!("{n} {}", format!("{class:?}").to_lowercase())).collect();
     let told = if by_class.is_empty() { String::new() } else { format!(" ({})", by_class.join(", ")) };
@@ -121,13 +122,14 @@ pub(crate) fn run(args: &BatchArgs, global: &Global, progress: &Progress) -> Res
     Ok(())
 }
 
-/// Returns the cases with the memory that each is expected to take.
-fn waiting(cases: &[Case], out: &Path) -> Vec<Waiting> {
-    plan::expected(cases, out).iter().enumerate().map(|(case, e)| Waiting { case, memory: e.memory }).collect()
-}
-
 /// Runs all cases. Fails if one cannot be recorded, or if interrupted.
-fn all(run: &Run, cases: &[Case], mut queue: Queue, ledger: &Ledger, progress: &Progress) -> Result<Count> {
+fn all(
+    run: &Run,
+    cases: &[Case],
+    mut queue: Queue,
+    (ledger, learning): (&Ledger, &mut Learning<'_>),
+    progress: &Progress,
+) -> Result<Count> {
     let begun = Instant::now();
     let mut count = Count::default();
     let is_terminal = std::io::stderr().is_terminal();
@@ -157,8 +159,14 @@ fn all(run: &Run, cases: &[Case], mut queue: Queue, ledger: &Ledger, progress: &
             ledger.end(n);
             queue.end(n);
             match outcome {
-                Ok(Came::TooLarge(bytes)) => queue.again(n, bytes),
+                Ok(Came::TooLarge(bytes)) => {
+                    learning.exceed(n);
+                    queue.again(n, bytes);
+                }
                 Ok(Came::To(outcome)) => {
+                    if !outcome.is_old {
+                        learning.learn(n, &run.out, &mut queue);
+                    }
                     count.add(outcome);
                     new += usize::from(!outcome.is_old);
                     if !outcome.is_old || is_terminal {

@@ -7,7 +7,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use super::manifest::Case;
-use super::queue::{self, MEMORY, TIME};
+use super::queue::{self, MEMORY, Queue, TIME, Waiting};
 use super::record::{self, Class, Folder, Input, Record, State};
 use super::steps::Step;
 use super::work;
@@ -22,6 +22,50 @@ pub(super) struct Expected {
     /// Bytes.
     pub memory: u64,
     pub ms: u64,
+}
+
+/// What the cases of a run are found to take while it runs.
+pub(super) struct Learning<'a> {
+    cases: &'a [Case],
+    expected: Vec<Expected>,
+    /// Whether a case's files were packed, their bytes, and the memory that it took.
+    took: Vec<(bool, u64, u64)>,
+    /// True for cases that make way for others: what they took is known.
+    known: Vec<bool>,
+}
+
+impl<'a> Learning<'a> {
+    pub(super) fn new(cases: &'a [Case], out: &Path) -> Self {
+        let expected = expected(cases, out);
+        let known: Vec<bool> = expected.iter().map(|e| e.record.as_ref().is_some_and(|r| peak(r) > 0)).collect();
+        let ran = expected.iter().zip(cases).filter_map(|(e, c)| e.record.as_ref().map(|r| took(c, r)));
+        let took = ran.collect();
+        Self { cases, expected, took, known }
+    }
+
+    /// Returns the cases as they wait.
+    pub(super) fn waiting(&self) -> Vec<Waiting> {
+        self.expected.iter().enumerate().map(|(case, e)| Waiting { case, memory: e.memory }).collect()
+    }
+
+    /// Notes what a case took that has ended, and corrects what those like it are expected to take.
+    pub(super) fn learn(&mut self, case: usize, out: &Path, queue: &mut Queue) {
+        let Some(record) = Folder::new(out, &self.cases[case].id).record() else { return };
+        self.took.push(took(&self.cases[case], &record));
+        let need = MEMORY.learn(self.took.iter().copied());
+        let of = |n: usize| need.expected(&self.cases[n].path, self.expected[n].seen.bytes);
+        queue.correct(|n| (!self.known[n]).then(|| of(n)));
+    }
+
+    /// Notes that a case took more than expected: what others take no longer tells of it.
+    pub(super) fn exceed(&mut self, case: usize) {
+        self.known[case] = true;
+    }
+}
+
+/// Returns whether a case's files were packed, their bytes, and the memory that it took.
+fn took(case: &Case, record: &Record) -> (bool, u64, u64) {
+    (queue::is_packed(&case.path), record.input.bytes, peak(record))
 }
 
 /// A case of `--plan`.

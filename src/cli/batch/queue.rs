@@ -53,6 +53,13 @@ impl Queue {
         Some(next)
     }
 
+    /// Corrects what waiting cases are expected to take: `expected` tells it of a case, bytes, if something better is known.
+    pub(super) fn correct(&mut self, expected: impl Fn(usize) -> Option<u64>) {
+        for waiting in &mut self.waiting {
+            waiting.memory = expected(waiting.case).unwrap_or(waiting.memory);
+        }
+    }
+
     /// Takes a case out that has ended.
     pub(super) fn end(&mut self, case: usize) {
         self.running.retain(|w| w.case != case);
@@ -166,6 +173,13 @@ mod tests {
         assert_eq!([next(&[2]), next(&[])], [Some(1), None]);
         assert_eq!([next(&[4, 1]), next(&[])], [Some(3), None], "alone, if it fits nowhere");
         assert_eq!(next(&[3]), None);
+        // What the first one took shows that two fit.
+        let mut queue = Queue::new(waiting(&[4, 4, 4, 4]), 3, 4);
+        assert_eq!((queue.next().map(|w| w.case), queue.next()), (Some(0), None));
+        queue.end(0);
+        queue.correct(|case| (case < 3).then_some(2));
+        let began: Vec<_> = std::iter::from_fn(|| queue.next().map(|w| w.case)).collect();
+        assert_eq!(began, [1, 2]);
     }
 
     #[test]
