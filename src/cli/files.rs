@@ -57,7 +57,8 @@ impl Files {
             Some(Command::Match(a)) => none().reads([&a.a, &a.b]).writes([&a.out]).writes(&a.stats),
             Some(Command::Measure(a)) => none().reads([&a.input]).writes(&a.out).writes(&a.stats),
             Some(Command::Phantom(a)) => {
-                none().reads(&a.into).writes([&a.out]).writes(&a.twin).writes(&a.labels).writes(&a.truth)
+                let more = a.twin.iter().chain(&a.second).chain(&a.labels).chain(&a.truth);
+                none().reads(&a.into).writes([&a.out]).writes(more)
             }
             Some(Command::Info(a)) => none().reads([&a.input]),
             Some(Command::Plane(a)) => Self::plane(a),

@@ -13,10 +13,10 @@ use crate::phantom::{NOISE_HU, Phantom, PhantomSettings, Position, Scanner, Size
 use crate::progress::Progress;
 use crate::volume::io;
 
-/// Runs the command. Fails with status 2 for an unknown extension or invalid slices or noise, 4 if cancelled, 5 if an output cannot
+/// Runs the command. Fails with status 2 for an unknown extension, invalid slices or noise, or a second position of limbs that touch, 4 if cancelled, 5 if an output cannot
 /// be written.
 pub(crate) fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> Result<()> {
-    let volumes = || std::iter::once(&args.out).chain(&args.twin).map(PathBuf::as_path);
+    let volumes = || std::iter::once(&args.out).chain(&args.twin).chain(&args.second).map(PathBuf::as_path);
     let all: Vec<_> = volumes().chain(args.truth.as_deref()).chain(args.labels.as_deref()).collect();
     output::check_folders(&all)?;
     volumes().chain(args.labels.as_deref()).try_for_each(io::check_ending)?;
@@ -59,14 +59,19 @@ pub(crate) fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> R
         seed: global.seed.unwrap_or(1),
     };
     let phantom = Phantom::scanned(&settings, scanner);
+    let second = args.second.as_ref().map(|path| Ok((path, phantom.second()?))).transpose()?;
     let grid = phantom.scan_grid()?;
     let volume = phantom.scan(progress)?;
-    let truth = args.truth.as_ref().map(|path| (path, phantom.truth()));
+    let own = || second.as_ref().map_or_else(|| phantom.truth(), |(_, second)| second.truth());
+    let truth = args.truth.as_ref().map(|path| (path, own()));
     progress.check()?;
     io::save(&args.out, &volume, progress)?;
     drop(volume);
     if let Some(path) = &args.twin {
         io::save(path, &phantom.twin().scan(progress)?, progress)?;
+    }
+    if let Some((path, second)) = &second {
+        io::save(path, &second.phantom().scan(progress)?, progress)?;
     }
     if let Some(path) = &args.labels {
         io::save_mask(path, &grid, &phantom.labels(&grid, progress)?, progress)?;
@@ -83,7 +88,7 @@ const LESIONS: u16 = 20;
 /// Puts lesions into a scan. Fails with status 2 for outputs that only a phantom has, 3 if it cannot be read, 4 if it has no colon to put them into or if cancelled, 5 if an
 /// output cannot be written.
 fn put_into(scan: &Path, args: &PhantomArgs, global: &Global, progress: &Progress) -> Result<()> {
-    for (option, path) in [("--labels", &args.labels), ("--twin", &args.twin)] {
+    for (option, path) in [("--labels", &args.labels), ("--twin", &args.twin), ("--second", &args.second)] {
         if path.is_some() {
             return Err(Error::usage(option, "is not known of a scan that lesions are put into", "leave it out"));
         }

@@ -31,9 +31,13 @@ pub struct PhantomArgs {
     /// Write what each voxel is in: 0 nothing, 1 colon, 2 small bowel, 3 stomach, 4 lung, 5 outside air
     #[arg(long, value_name = "F.nii.gz")]
     pub labels: Option<PathBuf>,
-    /// Also write the same colon without tagging and stool
+    /// Also write the same colon, in the first position, without tagging and stool
     #[arg(long, value_name = "F.nii.gz")]
     pub twin: Option<PathBuf>,
+    /// Also write the same patient in the other position, deformed, with another stretch collapsed and other fluid; --truth then maps
+    /// points both ways
+    #[arg(long, value_name = "F.nii.gz")]
+    pub second: Option<PathBuf>,
     /// Put lesions into this scan, instead of making a phantom: blurred as it is, with noise as it has
     #[arg(long, value_name = "SCAN", conflicts_with_all = ["size", "with", "position", "slice", "noise"])]
     pub into: Option<PathBuf>,

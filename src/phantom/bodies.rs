@@ -6,11 +6,11 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::Phantom;
 use super::centerline::PARTS;
 use super::gut::Run;
 use super::kinds::{BodyKind, Content};
 use super::profile::GAS;
-use super::{Phantom, Size};
 
 /// A connected body of gas. Gas that passes an open ileocecal valve counts as two bodies.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -183,7 +183,7 @@ impl Phantom {
     /// Returns the left and the right lung.
     fn lung_bodies(&self) -> Vec<TrueBody> {
         let grid = self.grid();
-        let scale = if self.settings.size == Size::Small { 0.58 } else { 1.0 };
+        let scale = self.settings.size.scale();
         let last = grid.dims().map(|n| n as f64 - 1.0);
         let top = grid.world(DVec3::from_array(last)).z;
         let low = DVec3::new(-150.0, -70.0, 130.0) * scale;

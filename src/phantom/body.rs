@@ -114,6 +114,11 @@ impl Body {
         depth * self.scale
     }
 
+    /// Returns the depth below the skin at `p` (world, mm), mm: a lower bound of the distance.
+    pub(crate) fn skin_depth(&self, p: DVec3) -> f64 {
+        self.skin(p / self.scale)
+    }
+
     /// Returns the depth below the skin at `o` (an adult's mm), mm. The side that is down is flat.
     fn skin(&self, o: DVec3) -> f64 {
         let q = o - CENTRE;

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::spline::{Beyond, Spline, b_spline};
+use super::spline::{self, Beyond, Spline, b_spline};
 use crate::math::hash;
 
 /// Distance between the curve's knots, mm. Approximate: the length is divided into a whole number of steps.
@@ -180,6 +180,20 @@ impl Centerline {
         Self { curve, normals, profile: Spline::new(step, along, DVec3::ZERO, DVec3::ZERO), stations }
     }
 
+    /// Returns the same axis with these arc lengths beside its control points (mm), and the profile that `profile` returns for an
+    /// arc length: radius (mm), triangularity and fold spacing.
+    pub(crate) fn with_profile(self, stations: Vec<f64>, profile: impl Fn(f64) -> DVec3) -> Self {
+        let step = self.curve.step();
+        let along = (0..self.knots().len()).map(|i| profile(i as f64 * step)).collect();
+        Self { profile: Spline::new(step, along, DVec3::ZERO, DVec3::ZERO), stations, ..self }
+    }
+
+    /// Returns the control points that the axis was created through, world mm, if its stations are beside them.
+    pub(crate) fn control_points(&self) -> Vec<DVec3> {
+        let beside: Vec<DVec3> = self.stations.iter().map(|s| self.at(*s)).collect();
+        spline::control_points(&beside)
+    }
+
     /// Returns the length between the centres of the two end caps, mm.
     pub fn length(&self) -> f64 {
         self.curve.end()
@@ -207,9 +221,14 @@ impl Centerline {
         Profile { radius: (j.at.x, j.d1.x), triangle: (j.at.y, j.d1.y) }
     }
 
+    /// Returns the mean radius (mm), the triangularity and the fold spacing at s.
+    pub(crate) fn profile_at(&self, s: f64) -> DVec3 {
+        self.profile.jet(s).at
+    }
+
     /// Returns the fold spacing at s, relative to the usual one.
     pub(crate) fn fold_spacing(&self, s: f64) -> f64 {
-        self.profile.jet(s).at.z
+        self.profile_at(s).z
     }
 
     /// Returns the curvature at s, 1/mm.

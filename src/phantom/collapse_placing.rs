@@ -2,6 +2,7 @@
 
 use super::centerline::Centerline;
 use super::collapse::Collapse;
+use super::decoys::Body;
 use super::shape::Shape;
 use super::stream::stream;
 use super::touching::Touching;
@@ -22,6 +23,39 @@ fn place(axis: &Centerline, seed: u64) -> Vec<Collapse> {
         Collapse { from: s - half, to: s + half, taper: 8.0 + axis.profile(s).radius.0 }
     };
     [Some(sigmoid), Some(descending), third].into_iter().flatten().map(place).collect()
+}
+
+/// Range of the length of [`close_another`]'s stretch, mm; in a small colon it is at most the shorter length.
+const ANOTHER_MM: [f64; 2] = [25.0, 50.0];
+const ANOTHER_SMALL_MM: f64 = 32.0;
+/// Length at the rectal and at the cecal end that [`close_another`] leaves open, mm.
+const OPEN_MM: [f64; 2] = [100.0, 80.0];
+/// Distance from a stretch, with its tapers, at which it does not concern what is on the wall, mm.
+const BESIDE_MM: f64 = 6.0;
+
+/// Closes one stretch away from the ends and from the stretches to `avoid` (arc lengths, mm), where the fewest polyps, strands and decoys
+/// are.
+pub(crate) fn close_another(shape: &mut Shape, avoid: &[[f64; 2]], seed: u64) {
+    let mut draw = stream(seed, 142);
+    let (axis, end) = (&shape.axis, shape.axis.length());
+    let most = if end < 1000.0 { ANOTHER_SMALL_MM } else { ANOTHER_MM[1] };
+    let half = 0.5 * draw.within(ANOTHER_MM[0], most);
+    let decoys = shape.decoys.iter().filter(|d| !matches!(d.body, Body::Folds)).map(|d| d.s);
+    let things = (shape.polyps.iter().map(|a| a.s)).chain(shape.lesions.iter().map(|a| a.s));
+    let things: Vec<f64> = things.chain(shape.bridges.iter().map(|a| a.s)).chain(decoys).collect();
+    let at = |s: f64| Collapse { from: s - half, to: s + half, taper: 8.0 + axis.profile(s).radius.0 };
+    let cost = |c: &Collapse| {
+        let reach = c.taper + BESIDE_MM;
+        let inside = things.iter().filter(|s| (c.from - reach..=c.to + reach).contains(*s)).count();
+        let meets = avoid.iter().filter(|[from, to]| c.from - reach <= *to && c.to + reach >= *from).count();
+        inside + 100 * meets
+    };
+    let ends = |c: &Collapse| c.from - c.taper >= OPEN_MM[0] && c.to + c.taper <= end - OPEN_MM[1];
+    let all: Vec<_> =
+        (0..(end / 3.0) as usize).map(|i| at(3.0 * i as f64)).filter(ends).map(|c| (cost(&c), c)).collect();
+    let least = all.iter().map(|(cost, _)| *cost).min();
+    let best: Vec<Collapse> = all.into_iter().filter(|(cost, _)| Some(*cost) == least).map(|(_, c)| c).collect();
+    shape.collapsed = if best.is_empty() { Vec::new() } else { vec![best[draw.below(best.len())]] };
 }
 
 /// Closes the lumen where [`place`] says, and removes the polyps and strands that would be there.

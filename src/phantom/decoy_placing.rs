@@ -55,10 +55,7 @@ pub(crate) fn place(shape: &mut Shape, down: DVec3, taken: &mut Taken, seed: u64
     let ground = Ground::new(shape);
     decoys.extend((0..TRIES).find_map(|_| bulge(&ground, &mut draw, taken)));
     decoys.extend(own.or_else(|| valve(&ground)));
-    let tube = tube(shape, seed);
-    let entry = tube.from + (tube.to - tube.from).normalize() * IN_WALL_MM;
-    let truth = at(DecoyKind::Tube, 0.5 * (entry + tube.to), entry.distance(tube.to));
-    decoys.push(Decoy { truth, s: 0.0, span_mm: 70.0, body: Body::Tube(tube) });
+    decoys.push(tube_decoy(shape, seed));
     for i in 0..if adult { 4 } else { 2 } {
         decoys.extend((0..TRIES).find_map(|_| stool(&ground, down, &mut draw, taken, hash::bits(seed, 0x5700 + i))));
     }
@@ -197,6 +194,14 @@ pub(crate) fn open(shape: &mut Shape, valve: &Valve) {
     shape.polyps.retain(|p| p.what.position.distance(spot.at) > 0.5 * (p.what.diameter_mm + lips.size.x) + 4.0);
     let truth = at(DecoyKind::Valve, spot.at + spot.up * (0.5 * height), lips.size.x);
     shape.decoys.push(Decoy { truth, s: spot.s, span_mm: 35.0, body: Body::Lips(lips) });
+}
+
+/// Returns the rectal tube as a decoy.
+pub(crate) fn tube_decoy(shape: &Shape, seed: u64) -> Decoy {
+    let tube = tube(shape, seed);
+    let entry = tube.from + (tube.to - tube.from).normalize() * IN_WALL_MM;
+    let truth = at(DecoyKind::Tube, 0.5 * (entry + tube.to), entry.distance(tube.to));
+    Decoy { truth, s: 0.0, span_mm: 70.0, body: Body::Tube(tube) }
 }
 
 /// Returns the tube: through the rectum's end wall, near its posterior wall.

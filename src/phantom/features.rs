@@ -21,7 +21,8 @@ pub(crate) fn shape(axis: Centerline, settings: &PhantomSettings) -> Shape {
     let rows = [0, 1, 2].map(|row| constrictions(&axis, seed, row));
     let (folds, polyps, bridges, lesions) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let (decoys, collapsed, touching) = (Vec::new(), Vec::new(), Vec::new());
-    let mut shape = Shape { axis, taenia, rows, folds, polyps, bridges, lesions, decoys, collapsed, touching };
+    let twist = None;
+    let mut shape = Shape { axis, taenia, twist, rows, folds, polyps, bridges, lesions, decoys, collapsed, touching };
     if settings.folds {
         shape.folds = place_folds(&shape, seed);
     }

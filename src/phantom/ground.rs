@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::centerline::FootPoint;
-use super::shape::{DEEP, Shape};
+use super::shape::Shape;
 use super::solid::Surface;
 
 /// Least distance between the surfaces of lesions and decoys, mm.
@@ -30,9 +30,7 @@ pub(crate) struct Ground<'a> {
 
 impl<'a> Ground<'a> {
     pub(crate) fn new(shape: &'a Shape) -> Self {
-        let step = shape.axis.knot_step();
-        let reach = (0..shape.axis.knots().len()).map(|i| shape.largest_radius(i as f64 * step) + DEEP + 1.5).collect();
-        Self { shape, reach }
+        Self { shape, reach: shape.reach() }
     }
 
     /// Returns the knots within 45 mm of arc length `s`.

@@ -128,6 +128,7 @@ fn flat_wall() -> (Shape, DVec3, DVec3, f64) {
     let shape = Shape {
         axis,
         taenia: 0.0,
+        twist: None,
         rows,
         folds,
         polyps,

@@ -15,6 +15,7 @@ mod chest;
 mod collapse;
 mod collapse_placing;
 mod content;
+mod coordinates;
 mod decoy_placing;
 #[cfg(test)]
 mod decoy_tests;
@@ -31,13 +32,19 @@ mod kinds;
 mod lesion_tests;
 mod lesions;
 mod lesions_and_decoys;
+mod moved;
 mod organ;
 mod paint;
 mod pelvis;
 mod placing;
 mod pools;
 mod profile;
+mod residue;
 mod room;
+mod second;
+mod second_axis;
+#[cfg(test)]
+mod second_tests;
 mod settings;
 mod shape;
 mod solid;
@@ -74,9 +81,7 @@ use pools::{FLUID_SHARE, Pool};
 use profile::{FAT, FLUID, GAS, TISSUE, mix, normal_cdf, sheet_share, smooth_min, smooth_step, tissue_share};
 use room::has_room;
 use shape::{Attached, DEEP, Distances, Shape};
-use stream::stream;
-use tag::{Kinds, Seen, Tag};
-use touching::Touching;
+use tag::{Seen, Tag};
 use valve::Valve;
 
 pub use bodies::{NamedPart, TrueBody, TrueValve};
@@ -84,11 +89,12 @@ pub use centerline::{Centerline, Frame};
 pub use decoys::{DecoyKind, TrueDecoy};
 pub use kinds::{BodyKind, Content};
 pub use lesions::{PolypShape, PolypSite};
+pub use second::Second;
 pub use settings::{NOISE_HU, PhantomSettings, Position, Scanner, Size};
 pub use shape::Polyp;
 pub use tag::Beside;
 pub use touching::TrueSeptum;
-pub use truth::{TruePolyp, Truth};
+pub use truth::{TruePoints, TruePolyp, TrueSecond, Truth};
 
 /// Distance within which two loops' walls blend, mm; smaller than the tissue between them.
 const LOOP_BLEND: f64 = 2.0;
@@ -123,8 +129,7 @@ pub struct Phantom {
     /// For each knot of the axis, the distance within which positions depend on it, mm.
     reach: Vec<f64>,
     sigma: f64,
-    noise_hu: f64,
-    slice_mm: Option<f64>,
+    scanner: Scanner,
     noise_seed: u64,
 }
 
@@ -137,7 +142,7 @@ impl Phantom {
     /// Creates the phantom described by `settings` as a scanner sees it.
     pub fn scanned(settings: &PhantomSettings, scanner: Scanner) -> Self {
         let small = settings.size == Size::Small;
-        let scale = if small { 0.58 } else { 1.0 };
+        let scale = settings.size.scale();
         let radius = |r: f64| if small { 4.5 + 0.48 * r } else { r };
         // If a seed's loops come too close, reduce the variation; the anatomy without variation always has room.
         let usual = || {
@@ -170,49 +175,24 @@ impl Phantom {
         let mut tag = None;
         if settings.pools || settings.films || settings.stool {
             if settings.pools {
-                // From a quarter to nearly the whole height.
-                let mut draw = stream(seed, 32);
-                pools = pools::pools(&shape, down, || 0.25 + 0.65 * draw.within(0.0, 1.0).powi(2));
+                pools = residue::deep_pools(&shape, down, seed);
                 features::submerge(&mut shape, &pools, down, sigma, seed);
                 touching_placing::clear(&mut shape);
                 if settings.collapsed {
                     collapse_placing::close(&mut shape, seed);
                 }
             }
-            let PhantomSettings { films, stool, inhomogeneous, pseudo, position, .. } = *settings;
-            let mut own = Tag::new(&shape, &pools, Kinds { films, stool, inhomogeneous, pseudo }, position, seed);
-            own.keep_off(&shape.collapsed.iter().map(|c| [c.from, c.to]).collect::<Vec<_>>());
-            own.keep_off(&shape.touching.iter().flat_map(Touching::stretches).collect::<Vec<_>>());
-            if let Some(hu) = scanner.tag_hu {
-                own.set_hu(hu);
-            }
-            tag = Some(own);
+            tag = Some(residue::tag(&shape, &pools, settings, scanner.tag_hu, seed));
             pools = Vec::new();
         }
         if settings.lesions || settings.decoys {
             lesions_and_decoys::place(&mut shape, settings, tag.as_ref(), &pools);
         }
-        // A position whose foot point is half a knot away is slightly farther from the knot than from the foot point.
-        let reach = (0..shape.axis.knots().len())
-            .map(|i| shape.largest_radius(i as f64 * shape.axis.knot_step()) + DEEP + 1.5)
-            .collect();
+        let reach = shape.reach();
         let body = Body::new(scale, sigma, hash::bits(seed, 0xB0D7)).with(settings);
         let guts = gut_placing::place(&shape, scale, valve.as_ref(), settings);
         let noise_seed = hash::bits(seed, 0x4015E);
-        Self {
-            settings: *settings,
-            shape,
-            body,
-            pools,
-            guts,
-            valve,
-            tag,
-            reach,
-            sigma,
-            noise_hu: scanner.noise_hu,
-            slice_mm: scanner.slice_mm,
-            noise_seed,
-        }
+        Self { settings: *settings, shape, body, pools, guts, valve, tag, reach, sigma, scanner, noise_seed }
     }
 
     /// Returns the same colon without tag, with the same noise.

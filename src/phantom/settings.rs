@@ -18,6 +18,13 @@ pub enum Size {
     Large,
 }
 
+impl Size {
+    /// Returns the size of the body relative to an adult's.
+    pub(crate) fn scale(self) -> f64 {
+        if self == Self::Small { 0.58 } else { 1.0 }
+    }
+}
+
 /// The patient's position on the table. Fluid runs to the side that is down.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -34,6 +41,17 @@ pub enum Position {
 }
 
 impl Position {
+    /// Returns the position on the other side.
+    #[must_use]
+    pub fn opposite(self) -> Self {
+        match self {
+            Self::Supine => Self::Prone,
+            Self::Prone => Self::Supine,
+            Self::Left => Self::Right,
+            Self::Right => Self::Left,
+        }
+    }
+
     /// Returns the direction of gravity, LPS.
     pub fn down(self) -> DVec3 {
         match self {

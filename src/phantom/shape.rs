@@ -14,6 +14,7 @@ use super::decoys::Decoy;
 use super::lesions::Lesion;
 use super::profile::smooth_step;
 use super::solid::Surface;
+use super::spline::Spline;
 use super::touching::Touching;
 
 /// Saturation of distances in the lumen, mm. Nothing depends on a wall farther away, so features beyond it are skipped.
@@ -26,6 +27,8 @@ pub(crate) const DEEP: f64 = 6.0;
 const WINDOW: f64 = 30.0;
 /// Maximum deviation of the plain wall from the mean radius, as a fraction of it; [`TAENIA_MM`] is added.
 const BULGE: f64 = 0.16;
+/// What counts as the radius of a closed lumen, mm.
+const LEAST_CALIBER_MM: f64 = 0.2;
 /// Height of the taeniae, mm.
 const TAENIA_MM: f64 = 0.8;
 /// Length over which the cross-section becomes round towards the caps, mm.
@@ -106,6 +109,8 @@ pub(crate) struct Shape {
     pub axis: Centerline,
     /// Angle of the first taenia; the others are 120° and 240° away.
     pub taenia: f64,
+    /// By how much taeniae and haustra are turned about the axis at each arc length, radians (its x); `None` for not at all.
+    pub twist: Option<Spline>,
     /// Arc lengths of the constrictions of each of the three rows of haustra, from 0 to the axis' length.
     pub rows: [Vec<f64>; 3],
     /// Folds, by arc length.
@@ -138,16 +143,31 @@ impl Shape {
         largest(&self.axis, s)
     }
 
-    /// Returns the radius of the plain wall at arc length `s` and angle `phi`, mm.
+    /// Returns for each knot of the axis the distance within which positions depend on it, mm.
+    pub(crate) fn reach(&self) -> Vec<f64> {
+        // A position whose foot point is half a knot away is slightly farther from the knot than from the foot point.
+        let step = self.axis.knot_step();
+        (0..self.axis.knots().len()).map(|i| self.largest_radius(i as f64 * step) + DEEP + 1.5).collect()
+    }
+
+    /// Returns the radius of the plain wall at arc length `s` and angle `phi`, mm, as if nothing were collapsed.
     pub(crate) fn radius(&self, s: f64, phi: f64) -> f64 {
         self.plain(s, &self.axis.profile(s), phi).at
+    }
+
+    /// Returns the radius of the plain wall as [`Shape::radius`] does, but of what is collapsed what is left, and at least 0.2 mm.
+    pub(crate) fn caliber(&self, s: f64, phi: f64) -> f64 {
+        let open = self.radius(s, phi);
+        let closed = self.collapsed.iter().find(|c| c.concerns(s)).map(|c| c.closure(s));
+        closed.map_or(open, |(share, _, overlap, _)| open * share - overlap).max(LEAST_CALIBER_MM)
     }
 
     /// Returns the radius at arc length `s`, where the axis has the profile `p`, and at angle `phi`.
     fn plain(&self, s: f64, p: &Profile, phi: f64) -> Radius {
         let (r, r_s) = p.radius;
         let (tri, tri_s) = p.triangle;
-        let theta = phi - self.taenia;
+        let (twist, twist_s) = self.twist(s);
+        let theta = phi - self.taenia - twist;
         let (s3, c3) = (3.0 * theta).sin_cos();
         // 0 on the taeniae, 1 midway between them.
         let between = 0.5 * (1.0 - c3);
@@ -165,7 +185,16 @@ impl Shape {
         let height_s = r_s * share + r * share_s;
         let height_phi = r * share_phi - TAENIA_MM * band_phi;
         let (round, round_s) = roundness(s, self.axis.length());
-        Radius { at: r + round * height, by_s: r_s + round * height_s + round_s * height, by_phi: round * height_phi }
+        let by_phi = round * height_phi;
+        Radius { at: r + round * height, by_s: r_s + round * height_s + round_s * height - twist_s * by_phi, by_phi }
+    }
+
+    /// Returns the angle by which taeniae and haustra are turned at arc length `s`, and its derivative, radians and radians/mm.
+    pub(crate) fn twist(&self, s: f64) -> (f64, f64) {
+        self.twist.as_ref().map_or((0.0, 0.0), |twist| {
+            let j = twist.jet(s);
+            (j.at.x, j.d1.x)
+        })
     }
 
     /// Returns the distances of `p` to the part of the colon around one of its foot points.
@@ -384,6 +413,7 @@ mod tests {
         let shape = Shape {
             axis,
             taenia: 0.3,
+            twist: None,
             rows: [row(0.0), row(7.0), row(-4.0)],
             folds: Vec::new(),
             polyps: Vec::new(),
@@ -393,12 +423,16 @@ mod tests {
             collapsed: Vec::new(),
             touching: Vec::new(),
         };
-        for (s, phi) in [(3.0, 1.0), (100.0, 0.31), (432.1, 2.2), (800.0, -2.0), (end - 5.0, 0.7)] {
-            let (r, h) = (shape.plain(s, &shape.axis.profile(s), phi), 1e-5);
-            let by_s = (shape.radius(s + h, phi) - shape.radius(s - h, phi)) / (2.0 * h);
-            let by_phi = (shape.radius(s, phi + h) - shape.radius(s, phi - h)) / (2.0 * h);
-            assert!((r.by_s - by_s).abs() < 1e-6 && (r.by_phi - by_phi).abs() < 1e-5, "at {s}, {phi}");
-            assert!(r.at <= shape.largest_radius(s));
+        let turns = (0..=40).map(|i| DVec3::X * (0.02 * f64::from(i)).sin()).collect();
+        let twisted = Shape { twist: Some(Spline::new(end / 40.0, turns, DVec3::ZERO, DVec3::ZERO)), ..shape.clone() };
+        for shape in [shape, twisted] {
+            for (s, phi) in [(3.0, 1.0), (100.0, 0.31), (432.1, 2.2), (800.0, -2.0), (end - 5.0, 0.7)] {
+                let (r, h) = (shape.plain(s, &shape.axis.profile(s), phi), 1e-5);
+                let by_s = (shape.radius(s + h, phi) - shape.radius(s - h, phi)) / (2.0 * h);
+                let by_phi = (shape.radius(s, phi + h) - shape.radius(s, phi - h)) / (2.0 * h);
+                assert!((r.by_s - by_s).abs() < 1e-6 && (r.by_phi - by_phi).abs() < 1e-5, "at {s}, {phi}");
+                assert!(r.at <= shape.largest_radius(s));
+            }
         }
     }
 }

@@ -37,6 +37,25 @@ pub(crate) fn b_spline(points: &[DVec3], u: f64, ends: Beyond) -> DVec3 {
     (0..4).map(|k| at(span - 1 + k as isize) * w[k]).sum::<DVec3>() / 6.0
 }
 
+/// Returns the control points of the B-spline with [`Beyond::PointReflection`] that passes `beside` at whole parameters.
+///
+/// It starts and ends at its first and last control point; between them p₋ + 4p + p₊ = 6q. Thomas's algorithm solves this tridiagonal
+/// system.
+pub(crate) fn control_points(beside: &[DVec3]) -> Vec<DVec3> {
+    let last = beside.len() - 1;
+    let (mut points, mut upper) = (beside.to_vec(), vec![0.0; beside.len()]);
+    for i in 1..last {
+        let pivot = 1.0 / (4.0 - upper[i - 1]);
+        upper[i] = pivot;
+        points[i] = (6.0 * beside[i] - points[i - 1]) * pivot;
+    }
+    for i in (1..last).rev() {
+        let next = points[i + 1];
+        points[i] -= upper[i] * next;
+    }
+    points
+}
+
 /// A C2 cubic spline through given points on uniform knots, in Hermite form.
 #[derive(Clone, Debug)]
 pub(crate) struct Spline {
@@ -135,6 +154,16 @@ mod tests {
         let (x, h) = (4.3, 1e-5);
         let d1 = (s.jet(x + h).at - s.jet(x - h).at) / (2.0 * h);
         assert!((d1 - s.jet(x).d1).length() < 1e-8);
+    }
+
+    #[test]
+    fn control_points_are_found_from_the_curve() {
+        let points: Vec<DVec3> =
+            (0..9).map(|i| DVec3::new(f64::from(i * i % 7), f64::from(i % 3), f64::from(i))).collect();
+        let beside: Vec<DVec3> = (0..9).map(|i| b_spline(&points, f64::from(i), Beyond::PointReflection)).collect();
+        for (found, point) in control_points(&beside).iter().zip(&points) {
+            assert!((*found - *point).length() < 1e-12, "{found} for {point}");
+        }
     }
 
     #[test]

@@ -149,6 +149,12 @@ impl Tag {
         self.films.retain(|film| free(film.s));
     }
 
+    /// Removes the lumps of stool within `mm` of these balls: centres (world mm) and radii (mm).
+    pub(crate) fn keep_from(&mut self, balls: &[(DVec3, f64)], mm: f64) {
+        let free = |lump: &Stool| balls.iter().all(|(c, r)| c.distance(lump.centre) > lump.reach_mm + r + mm);
+        self.stool.retain(free);
+    }
+
     /// Gives all tag the same HU.
     pub(crate) fn set_hu(&mut self, hu: f64) {
         self.pools.iter_mut().for_each(|p| p.1 = hu);

@@ -15,7 +15,7 @@ impl Phantom {
     /// # Errors
     /// Returns status 2 if the scanner's slices are not finite, thinner than the grid's own, or so thick that fewer than two fit.
     pub fn scan_grid(&self) -> Result<Grid> {
-        self.slice_mm.map_or_else(|| Ok(self.grid()), |mm| thick_grid(&self.grid(), mm))
+        self.scanner.slice_mm.map_or_else(|| Ok(self.grid()), |mm| thick_grid(&self.grid(), mm))
     }
 
     /// Returns the scan that the scanner writes: the phantom on its own grid, in slices as thick as
@@ -24,7 +24,7 @@ impl Phantom {
     /// # Errors
     /// Returns status 2 if no slices of this thickness fit, or an error if cancelled through `progress`.
     pub fn scan(&self, progress: &Progress) -> Result<Volume> {
-        match self.slice_mm {
+        match self.scanner.slice_mm {
             Some(mm) => self.slices(&self.grid(), mm, progress),
             None => self.voxelise(&self.grid(), progress),
         }

@@ -1,6 +1,7 @@
 use std::f64::consts::PI;
 
 use super::*;
+use crate::touching::Touching;
 
 fn make(size: Size, seed: u64) -> Phantom {
     Phantom::new(&PhantomSettings { size, seed, touching: true, noise: false, ..PhantomSettings::default() })

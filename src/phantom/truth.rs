@@ -48,6 +48,34 @@ pub struct Truth {
     pub valve: Option<TrueValve>,
     /// The wall's iso-value, HU.
     pub wall_hu: i32,
+    /// The same patient in the other position.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub second: Option<Box<TrueSecond>>,
+}
+
+/// The ground truth of a patient's second position, and what maps points between the two.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrueSecond {
+    /// Its own truth. Its polyps and decoys are in the same order as the first's; tagged stool, which is other stool, is last.
+    #[serde(flatten)]
+    pub truth: Truth,
+    /// Arc lengths from the rectal end that belong together, mm, 5 mm apart in the first: that in the first, that in the second.
+    pub along_mm: Vec<[f64; 2]>,
+    /// For each of them, by how much the wall is turned about the axis in the second position, degrees, beyond the shortest rotation
+    /// between the two tangents. Positive turns from the frame's normal to its binormal, clockwise seen along the axis to the cecum.
+    pub turn_degrees: Vec<f64>,
+    /// Points of the wall without folds that belong together.
+    pub points: TruePoints,
+}
+
+/// Points of the wall, without folds and polyps, 10 mm apart along the first position's axis and 12 around it. Those where the colon is
+/// collapsed in either position are left out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TruePoints {
+    /// In the first position, world mm LPS.
+    pub first: Vec<DVec3>,
+    /// The same points in the second position, world mm LPS.
+    pub second: Vec<DVec3>,
 }
 
 /// A polyp of the ground truth.
@@ -101,6 +129,7 @@ impl Phantom {
             touching: self.shape.touching.iter().map(Touching::truth).collect(),
             valve: self.valve(),
             wall_hu: WALL_HU as i32,
+            second: None,
         }
     }
 
@@ -115,7 +144,7 @@ impl Phantom {
 
     /// Returns the volume within the wall, ml. It sums cells of 0.9 mm; a cell on the wall counts by the fraction that
     /// a plane at the wall's distance cuts off.
-    fn lumen_ml(&self) -> f64 {
+    pub(crate) fn lumen_ml(&self) -> f64 {
         const CELL: f64 = 0.9;
         const BRICK: i64 = 8;
         let knots = self.shape.axis.knots();

@@ -82,7 +82,7 @@ impl Phantom {
 
     /// Returns a voxel's noise, HU.
     pub(super) fn noise(&self, index: u64) -> f64 {
-        if self.settings.noise { self.noise_hu * hash::normal(self.noise_seed, index) } else { 0.0 }
+        if self.settings.noise { self.scanner.noise_hu * hash::normal(self.noise_seed, index) } else { 0.0 }
     }
 }
 

@@ -20,7 +20,7 @@ const COMMANDS: [(&str, &str); 20] = [
     ("segment", "--out --stats --labels --from --picture"),
     ("surface", "--mask --out --stats --from"),
     ("centerline", "--mask --out --method --from --to --stats"),
-    ("phantom", "--out --truth --size --with --position --labels --twin --slice --noise --into --lesions"),
+    ("phantom", "--out --truth --size --with --position --labels --twin --second --slice --noise --into --lesions"),
     ("archive", "--patient --date --description --max --series --out"),
     ("info", ""),
     ("explain", "--json --guide --from --scene --coverage"),
