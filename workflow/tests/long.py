@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Runs 60 small scans and 12 bad inputs through everything that runs them, kills it, and compares every file. About an hour on two cores.
+"""Runs 60 small scans and 12 bad inputs through everything that runs them, kills it, and compares every file. Half an hour on two cores.
 
 long.py [--scans N] [--seed S] [PART…] runs some of the parts: shards, local, slurm, killed, drained, changes, recipes, container.
 """
