@@ -4,10 +4,12 @@ use glam::DVec3;
 
 use super::body::Body;
 use super::coordinates::{Motion, Place};
+use super::gut::Guts;
 use super::pools::{self, FLUID_SHARE};
-use super::second_axis::{Bent, bend};
+use super::second_axis::{Bent, bends};
 use super::shape::{DEEP, Shape};
 use super::truth::{TruePoints, TrueSecond, Truth};
+use super::valve::Valve;
 use super::{Phantom, PhantomSettings, collapse_placing, gut_placing, moved, residue};
 use crate::error::{Error, Result};
 use crate::math::hash;
@@ -18,6 +20,8 @@ const RINGS_MM: f64 = 10.0;
 const AROUND: u32 = 12;
 /// A lumen with less than this share of its radius counts as collapsed for the truth's points.
 const OPEN: f64 = 0.4;
+/// Tissue between small bowel or the stomach and the colon, mm; if they have less beside one axis, another one is tried.
+const BESIDE_GUT_MM: f64 = 3.4;
 /// Least distance between lumps of stool and lesions or decoys, mm.
 const APART_MM: f64 = 4.0;
 
@@ -50,8 +54,21 @@ impl Phantom {
         let [nx, ny, nz] = grid.dims();
         let far = grid.world(DVec3::new(nx as f64 - 1.0, ny as f64 - 1.0, nz as f64 - 1.0));
         let depth = |p: DVec3| (p - grid.origin()).min(far - p).min_element().min(body.skin_depth(p));
-        let Bent { axis, motion } = bend(&self.shape.axis, scale, down, seed, depth);
-        let (mut shape, valve) = moved::shape(&self.shape, axis, &motion, self.valve.as_ref(), seed);
+        let mut best: Option<(f64, Anatomy)> = None;
+        for Bent { axis, motion } in bends(&self.shape.axis, scale, down, seed, depth) {
+            let (shape, valve) = moved::shape(&self.shape, axis, &motion, self.valve.as_ref(), seed);
+            let guts = gut_placing::place(&shape, scale, valve.as_ref(), &settings);
+            let room = gut_placing::room(&guts, &shape, scale, valve.as_ref());
+            if best.as_ref().is_none_or(|(most, _)| room > *most) {
+                best = Some((room, Anatomy { shape, valve, guts, motion }));
+            }
+            if room >= BESIDE_GUT_MM {
+                break;
+            }
+        }
+        let Some((_, Anatomy { mut shape, valve, guts, motion })) = best else {
+            unreachable!("the unmoved axis is among those bent")
+        };
         let closed = self.shape.collapsed.iter().map(|c| [c.from - c.taper, c.to + c.taper]);
         let closed: Vec<_> = closed.map(|stretch| stretch.map(|s| motion.along.at(s))).collect();
         collapse_placing::close_another(&mut shape, &closed, seed);
@@ -67,7 +84,6 @@ impl Phantom {
             own.keep_from(&grown(&shape), APART_MM);
             (tag, pools) = (Some(own), Vec::new());
         }
-        let guts = gut_placing::place(&shape, scale, valve.as_ref(), &settings);
         let (reach, noise_seed) = (shape.reach(), hash::bits(contents, 0x4015E));
         let second = Self { settings, shape, body, pools, guts, valve, tag, reach, noise_seed, ..self.clone() };
         Ok(Second { first: self.clone(), second, motion })
@@ -86,6 +102,14 @@ impl Phantom {
         });
         best.map(|(_, place)| place)
     }
+}
+
+/// What of a body is in another place in its second position.
+struct Anatomy {
+    shape: Shape,
+    valve: Option<Valve>,
+    guts: Guts,
+    motion: Motion,
 }
 
 /// Returns the balls that lesions and decoys of the wall lie in: centres (world mm) and radii (mm).

@@ -45,25 +45,31 @@ pub(crate) struct Bent {
     pub motion: Motion,
 }
 
-/// Returns the axis `first` of a body of `scale` (1 is an adult) with gravity along `down`. `depth` is the distance (mm) to the
-/// skin or the end of the scan at a position (world). The largest of the changes tried that leaves its loops the room is taken;
-/// none at all always does.
-pub(crate) fn bend(first: &Centerline, scale: f64, down: DVec3, seed: u64, depth: impl Fn(DVec3) -> f64) -> Bent {
-    let room = |axis: &Centerline| {
+/// Returns the axis `first` of a body of `scale` (1 is an adult) with gravity along `down`, bent anew: all that leave the loops their
+/// room, those with the largest changes first, and last one with none, which always does. `depth` is the distance (mm) to the skin or
+/// the end of the scan at a position (world).
+pub(crate) fn bends(
+    first: &Centerline,
+    scale: f64,
+    down: DVec3,
+    seed: u64,
+    depth: impl Fn(DVec3) -> f64,
+) -> impl Iterator<Item = Bent> {
+    let room = move |axis: &Centerline| {
         let knots = axis.knots().iter().enumerate();
         knots.map(|(i, c)| depth(*c) - largest(axis, i as f64 * axis.knot_step())).fold(f64::INFINITY, f64::min)
     };
     let needed = BELOW_SKIN_MM.min(room(first));
-    let bend = Bend { first, scale, down };
-    let tries = SHARES.iter().flat_map(|&share| (0..TRIES).map(move |_| share)).enumerate();
-    let fits = |(axis, along): (Centerline, Along)| {
-        (is_alike(first, &axis) && room(&axis) >= needed && has_room(&axis)).then_some((axis, along))
-    };
-    let drawn = |n: usize| stream(hash::bits(seed, 0x2D0 + n as u64), 140);
-    let found = tries.map(|(n, share)| bend.attempt(share, &mut drawn(n))).find_map(fits);
-    let (axis, along) = found.unwrap_or_else(|| bend.attempt(0.0, &mut drawn(0)));
-    let turn = turn(first, &axis, &along, scale, seed);
-    Bent { axis, motion: Motion { along, turn } }
+    let fits = move |axis: &Centerline| is_alike(first, axis) && room(axis) >= needed && has_room(axis);
+    let tries = SHARES.iter().flat_map(|&share| (0..TRIES).map(move |_| share)).chain([0.0]).enumerate();
+    tries.filter_map(move |(n, share)| {
+        let mut draw = stream(hash::bits(seed, 0x2D0 + n as u64), 140);
+        let (axis, along) = Bend { first, scale, down }.attempt(share, &mut draw);
+        (share <= 0.0 || fits(&axis)).then(|| {
+            let turn = turn(first, &axis, &along, scale, seed);
+            Bent { axis, motion: Motion { along, turn } }
+        })
+    })
 }
 
 /// True if the length and the volume of a lumen are near those of the first.

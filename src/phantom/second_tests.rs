@@ -155,3 +155,23 @@ fn a_colon_with_limbs_that_touch_has_no_second_position() {
     let error = Phantom::new(&settings).second().unwrap_err();
     assert_eq!((error.kind, &*error.what), (error::Kind::Usage, "--second"));
 }
+
+#[test]
+#[ignore = "slow: small bowel, stomach and lesions of colons in two positions"]
+fn small_bowel_and_stomach_have_room_beside_the_second_colon() {
+    for size in [Size::Small, Size::Standard] {
+        for seed in 1..=cases(20, 3) {
+            let gas = PhantomSettings::with_all_gas(size, seed, Position::Left);
+            let second = Phantom::new(&PhantomSettings { lesions: true, decoys: true, ..gas }).second().unwrap();
+            let b = second.phantom();
+            let (own, valve) = (b.valve.unwrap(), b.valve().unwrap());
+            let room = gut_placing::room(&b.guts, &b.shape, size.scale(), Some(&own));
+            println!("{size:?} {seed}: {room:.1} mm");
+            assert!(room > 3.0, "{size:?} {seed}: {room} mm");
+            assert_eq!(b.settings().position, Position::Right);
+            assert_eq!((valve.open, second.first().valve().unwrap().open), (seed % 2 == 1, seed % 2 == 1));
+            let mouth = b.content_at(valve.position + valve.direction * 2.0);
+            assert_eq!(mouth == Content::SmallBowel, valve.open, "{size:?} {seed}: {mouth:?}");
+        }
+    }
+}

@@ -26,6 +26,7 @@ mod planners;
 mod plugging;
 mod report;
 mod rust_source;
+mod second;
 mod slice;
 
 #[path = "../support"]
