@@ -11,8 +11,8 @@ use crate::cli::messages::say;
 use crate::cli::prepare;
 use crate::cli::shared::Use;
 use crate::error::{Error, Result};
-use crate::fields::matching::Matching;
-use crate::fields::{Along, Lumen};
+use crate::fields::matching::{Matching, has_line};
+use crate::fields::{Along, Lumen, lumen};
 use crate::output;
 use crate::progress::Progress;
 
@@ -24,14 +24,21 @@ pub(crate) fn run(args: &MatchArgs, global: &Global, progress: &Progress) -> Res
     output::check_folders(&outputs)?;
     let mut timings = Timings::default();
     let (a, b) = (colon(&args.a, global, &mut timings, progress)?, colon(&args.b, global, &mut timings, progress)?);
-    let matched = timings.time("match_s", || Matching::new((&a.0, &a.1), (&b.0, &b.1), progress))?;
-    // Both have a line.
-    let Some(matched) = matched else { return Err(Error::fault("match", "found no line", "report it")) };
+    let matched = timings.time("match_s", || Matching::new((&a.lumen, &a.along), (&b.lumen, &b.along), progress))?;
+    let Some(matched) = matched else {
+        let [first, second] = [&a.lumen, &b.lumen].map(|lumen| lumen.segments.len());
+        let which = if has_line(&a.lumen, &a.along) { &args.b } else { &args.a };
+        let why = format!("no line leads from the rectum to the cecum: the colons are in {first} and {second} pieces");
+        return Err(Error::incomplete(which.display().to_string(), why, "give scans whose colons are better filled"));
+    };
     let gaps = matched.gaps();
     for (name, gaps) in ["the first scan", "the second scan"].into_iter().zip(gaps) {
         for [from, to] in gaps {
             say(&format!("from {from:.0} to {to:.0} mm {name} is collapsed: what belongs there is a guess"));
         }
+    }
+    if matched.is_reversed() {
+        say("one of the two lines runs from the cecum to the rectum: distances along the second scan shrink");
     }
     output::write_json(
         &args.out,
@@ -39,6 +46,8 @@ pub(crate) fn run(args: &MatchArgs, global: &Global, progress: &Progress) -> Res
             "pairs": matched.pairs(),
             "turn_degrees": matched.turns(),
             "length_mm": matched.lengths_mm(),
+            "cleansed": [a.is_cleansed, b.is_cleansed],
+            "reversed": matched.is_reversed(),
             "gaps": {"a": gaps[0], "b": gaps[1]},
         }),
     )?;
@@ -55,17 +64,32 @@ pub(crate) fn run(args: &MatchArgs, global: &Global, progress: &Progress) -> Res
     Ok(())
 }
 
-/// Returns the cleansed lumen of a scan, and the measure along it.
-fn colon(input: &Path, global: &Global, timings: &mut Timings, progress: &Progress) -> Result<(Lumen, Arc<Along>)> {
+/// A colon, cleansed.
+struct Colon {
+    lumen: Lumen,
+    /// The measure along it: along the line of the scan as it is, if the order of its pieces is known.
+    along: Arc<Along>,
+    /// True if it is along the line of the cleansed scan.
+    is_cleansed: bool,
+}
+
+/// Returns the colon of a scan.
+fn colon(input: &Path, global: &Global, timings: &mut Timings, progress: &Progress) -> Result<Colon> {
     // The command cleanses the scans itself; `--cleanse` must not do it first.
     let global = Global { cleanse: false, ..global.clone() };
     let mut read = prepare::load(input, &global, Use::Change, timings, progress)?;
     let (lumen, _) = read.cleanse(None, true, timings, progress)?;
     let along = lumen.along(&read.volume, progress)?;
-    if along.line().is_none() {
-        let why =
-            format!("no line leads from the rectum to the cecum: its colon is in {} pieces", lumen.segments.len());
-        return Err(Error::incomplete(input.display().to_string(), why, "give a scan whose colon is better filled"));
+    if !along.is_whole() {
+        // Fluid may hide which way a piece runs, and a cleansed lumen keeps the order of the scan's.
+        let lumen = timings.time("cleansed_lumen_s", || lumen::find(&read.volume, progress))?;
+        let cleansed = timings.time("along_s", || Along::new(&read.volume, &lumen, progress))?;
+        if cleansed.is_whole() {
+            say(
+                "the order of the pieces of this colon is known only without its fluid: distances are those of `centerline --cleanse`",
+            );
+            return Ok(Colon { lumen, along: Arc::new(cleansed), is_cleansed: true });
+        }
     }
-    Ok((lumen, along))
+    Ok(Colon { lumen, along, is_cleansed: false })
 }

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use glam::{DQuat, DVec3};
 
-use super::centerline::Centerline;
+use super::centerline::{Centerline, PARTS};
 use super::coordinates::{Along, Motion};
 use super::room::has_room;
 use super::shape::largest;
@@ -18,6 +18,9 @@ const MOVED_MM: f64 = 14.0;
 /// Shares of the displacement, the stretching and the change of distension that are tried, and how often each.
 const SHARES: [f64; 9] = [1.0, 0.85, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1];
 const TRIES: u64 = 12;
+/// Largest stretch of a part of the colon against the others. With it, a place's share of the length differs by up to 40 mm: in
+/// patients distances along both lines differ by 26 mm on average (98 polyps).
+const STRETCH: f64 = 0.3;
 /// Largest shift of a control point along the axis, relative to the distance to its nearer neighbour.
 const SLIDE: f64 = 0.12;
 /// Largest change of the radius, relative to it.
@@ -107,7 +110,7 @@ impl Bend<'_> {
             *place += (flatter + (falls + bends.at(i as f64 / last as f64) * MOVED_MM) * self.scale) * (held * share);
         }
         let bent = Centerline::through(&places, &profile);
-        let plain = bent.stations().to_vec();
+        let plain = stretched(bent.stations(), share * STRETCH, draw);
         let mut stations = plain.clone();
         for i in 1..last {
             let gap = (plain[i + 1] - plain[i]).min(plain[i] - plain[i - 1]);
@@ -123,6 +126,18 @@ impl Bend<'_> {
         let axis = bent.with_profile(stations, |s| first.profile_at(along.back(s)) * DVec3::new(wider(s), 1.0, 1.0));
         (axis, along)
     }
+}
+
+/// Returns the arc lengths of control points if each part of the colon is longer or shorter by up to a share, and all of it is as long.
+fn stretched(stations: &[f64], share: f64, draw: &mut Stream) -> Vec<f64> {
+    let factors: Vec<f64> = PARTS.iter().map(|_| 1.0 + share * draw.within(-1.0, 1.0)).collect();
+    let factor = |i: usize| PARTS.iter().zip(&factors).rev().find(|((_, from), _)| i >= *from).map_or(1.0, |(_, f)| *f);
+    let mut along = vec![0.0];
+    for (i, pair) in stations.windows(2).enumerate() {
+        along.push(along[i] + (pair[1] - pair[0]) * factor(i));
+    }
+    let scale = stations.last().copied().unwrap_or(0.0) / along.last().copied().unwrap_or(1.0).max(1e-9);
+    along.iter().map(|s| s * scale).collect()
 }
 
 /// Returns the sum of two waves of these numbers of periods along `u` from 0 to 1 and phases, from −1 to 1.

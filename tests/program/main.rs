@@ -20,6 +20,7 @@ mod group;
 mod into;
 mod layers;
 mod leftovers;
+mod matching;
 mod outside;
 mod paper_table;
 mod planners;

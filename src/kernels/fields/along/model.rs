@@ -121,6 +121,15 @@ impl Along {
         self.lines.first().filter(|_| self.is_whole()).map(|l| &l.line)
     }
 
+    /// Returns the line if there is only one: that from the rectum to the cecum, where the segments are in order, also if the names of the
+    /// parts are not known.
+    pub(in crate::fields) fn only_line(&self) -> Option<&Centerline> {
+        match &self.lines[..] {
+            [only] => Some(&only.line),
+            _ => None,
+        }
+    }
+
     /// Returns the caliber along the line from the rectum: the distance of each point along it and the diameter of the largest ball around
     /// that point, mm. Guesses are left out.
     pub fn calibers(&self) -> impl Iterator<Item = [f64; 2]> {

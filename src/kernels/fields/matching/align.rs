@@ -21,7 +21,7 @@ const BAND: f64 = 0.14;
 /// … and at least this far, mm.
 const LEAST_BAND_MM: f64 = 60.0;
 /// The log-likelihood of neighbouring rows is not independent: folds are longer than a row. It counts by this share.
-const SHARE: f64 = 0.22;
+const SHARE: f64 = 0.18;
 /// Standard deviation of what is left of a wall between two scans, as a share of the radius.
 const SPREAD: f64 = 0.11;
 /// A difference beyond this many standard deviations counts no more: what only one scan shows, such as a pool, must not decide.
@@ -79,11 +79,12 @@ impl Features {
     }
 }
 
-/// Pairs the rows of `a` with those of `b`. Returns one for each row of `a`.
-pub(super) fn align(a: &WallImage, b: &WallImage) -> Vec<Paired> {
+/// Pairs the rows of `a` with those of `b`. Returns one for each row of `a`, and the logarithm of the probability of all that is seen, up to a
+/// constant for the same two walls.
+pub(super) fn align(a: &WallImage, b: &WallImage) -> (Vec<Paired>, f64) {
     let (rows, others) = (a.rows(), b.rows());
     if rows == 0 || others == 0 {
-        return Vec::new();
+        return (Vec::new(), 0.0);
     }
     let (fa, fb) = (Features::new(a), Features::new(b));
     let stretch = if rows > 1 { (others - 1) as f64 / (rows - 1) as f64 } else { 0.0 };
@@ -95,9 +96,9 @@ pub(super) fn align(a: &WallImage, b: &WallImage) -> Vec<Paired> {
     };
     // The likelihood of each state of each row, the largest of a row being 1.
     let states = width * ANGLES;
-    let likely: Vec<f32> = (0..rows)
+    let (likely, most): (Vec<Vec<f32>>, Vec<f64>) = (0..rows)
         .into_par_iter()
-        .flat_map_iter(|i| {
+        .map(|i| {
             let mut row = vec![0f32; states];
             for (k, out) in row.chunks_exact_mut(ANGLES).enumerate() {
                 let j = first(i) + k;
@@ -118,17 +119,15 @@ pub(super) fn align(a: &WallImage, b: &WallImage) -> Vec<Paired> {
                 }
                 *l = log.exp() as f32;
             });
-            row
+            (row, f64::from(most) * SHARE * ANGLES as f64)
         })
-        .collect();
+        .unzip();
+    let mut evidence: f64 = most.iter().sum();
     let is_loose = |i: usize, j: usize| !a.is_open[i] || !b.is_open[j];
     // Forward sums, each row scaled to a sum of 1.
     let mut forward = vec![0f32; rows * states];
-    let mut now = vec![0f32; states];
-    for (now, l) in now.iter_mut().zip(&likely) {
-        *now = *l;
-    }
-    scale(&mut now);
+    let mut now = likely[0].clone();
+    evidence += scale(&mut now).ln();
     forward[..states].copy_from_slice(&now);
     let mut turned = vec![0f32; states];
     for i in 1..rows {
@@ -146,8 +145,8 @@ pub(super) fn align(a: &WallImage, b: &WallImage) -> Vec<Paired> {
                 }
             }
         }
-        now.iter_mut().zip(&likely[i * states..][..states]).for_each(|(n, l)| *n *= l);
-        scale(&mut now);
+        now.iter_mut().zip(&likely[i]).for_each(|(n, l)| *n *= l);
+        evidence += scale(&mut now).ln();
         forward[i * states..][..states].copy_from_slice(&now);
     }
     // Backward sums; with the forward ones they are the probabilities.
@@ -156,7 +155,7 @@ pub(super) fn align(a: &WallImage, b: &WallImage) -> Vec<Paired> {
     for i in (0..rows).rev() {
         if i + 1 < rows {
             let mut weighed = after.clone();
-            weighed.iter_mut().zip(&likely[(i + 1) * states..][..states]).for_each(|(w, l)| *w *= l);
+            weighed.iter_mut().zip(&likely[i + 1]).for_each(|(w, l)| *w *= l);
             spread_turns(&weighed, &mut turned);
             let (here, next) = (first(i), first(i + 1));
             after.fill(0.0);
@@ -179,7 +178,7 @@ pub(super) fn align(a: &WallImage, b: &WallImage) -> Vec<Paired> {
     for i in 1..rows {
         paired[i].row = paired[i].row.max(paired[i - 1].row);
     }
-    paired
+    (paired, evidence)
 }
 
 /// Writes how much two rows resemble each other, turned by each angle: 0 is the most.
@@ -206,8 +205,9 @@ fn spread_turns(from: &[f32], to: &mut [f32]) {
     }
 }
 
-/// Scales values to a sum of 1. If all are 0, or if they are too small to be told from it, all states are as likely.
-fn scale(values: &mut [f32]) {
+/// Scales values to a sum of 1, and returns the sum before. If all are 0, or if they are too small to be told from it, all states are as
+/// likely.
+fn scale(values: &mut [f32]) -> f64 {
     let sum: f64 = values.iter().map(|&v| f64::from(v)).sum();
     if sum > 1e-30 {
         let by = (1.0 / sum) as f32;
@@ -215,6 +215,7 @@ fn scale(values: &mut [f32]) {
     } else {
         values.fill(1.0 / values.len() as f32);
     }
+    sum.max(1e-30)
 }
 
 /// Reads the pair of a row from its forward and backward sums.
@@ -306,7 +307,7 @@ mod tests {
         let at = |s: f64| s * 0.94 + 9.0 * (s / 60.0).sin();
         let turn = |s: f64| 0.5 + 0.4 * (s / 150.0).sin();
         let (a, b) = (wall(430, |s| s, |_| 0.0, |_| true), wall(440, at, turn, |_| true));
-        let pairs = align(&a, &b);
+        let (pairs, _) = align(&a, &b);
         let mut errors = Vec::new();
         for (n, pair) in pairs.iter().enumerate().skip(20).take(380) {
             let found = pair.row * STEP_MM;
@@ -325,7 +326,7 @@ mod tests {
             wall(400, |s| s, |_| 0.0, |_| true),
             wall(385, |s| s + if s > 330.0 { 30.0 } else { 0.0 }, |_| 1.0, |s| !closed(s)),
         );
-        let pairs = align(&a, &b);
+        let (pairs, _) = align(&a, &b);
         let error = |mm: f64| {
             let pair = pairs[(mm / STEP_MM) as usize];
             let truth = if mm > 360.0 { mm - 30.0 } else { mm };
@@ -349,21 +350,21 @@ mod tests {
             (plain(150, false), plain(100, false)),
             (rough(2, 0.0), plain(300, false)),
         ] {
-            let pairs = align(&a, &b);
+            let (pairs, _) = align(&a, &b);
             assert_eq!(pairs.len(), a.rows());
             let last = b.rows() as f64 - 0.5;
             assert!(pairs.iter().all(|p| p.row.is_finite() && (-0.5..=last).contains(&p.row)), "{pairs:?}");
             assert!(pairs.iter().all(|p| p.uncertain >= 0.0 && p.turn.is_finite() && (0.0..=1.0).contains(&p.sure)));
             assert!(pairs.windows(2).all(|w| w[0].row <= w[1].row));
         }
-        assert!(align(&plain(150, true), &plain(150, true))[75].uncertain * STEP_MM > 10.0);
-        assert!(align(&rough(0, 0.0), &rough(3, 0.0)).is_empty());
+        assert!(align(&plain(150, true), &plain(150, true)).0[75].uncertain * STEP_MM > 10.0);
+        assert!(align(&rough(0, 0.0), &rough(3, 0.0)).0.is_empty());
     }
 
     #[test]
     fn a_wall_matches_itself_without_error() {
         let a = wall(300, |s| s, |_| 0.0, |_| true);
-        let pairs = align(&a, &a);
+        let (pairs, _) = align(&a, &a);
         assert!(pairs.iter().enumerate().all(|(n, p)| (p.row - n as f64).abs() < 0.6 && p.turn.abs() < 0.05));
     }
 }

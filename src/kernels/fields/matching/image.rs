@@ -52,13 +52,17 @@ pub(super) struct WallImage {
 }
 
 impl WallImage {
-    /// Samples the wall of `lumen` from the line of `along`. `None` if no one line leads from the rectum to the cecum.
-    pub(super) fn new(lumen: &Lumen, along: &Along) -> Option<Self> {
-        let line = along.line()?;
-        let (points, mm) = evenly(&line.points);
-        let frames = frames(&points);
-        let is_open: Vec<bool> =
+    /// Samples the wall of `lumen` from the line of `along`, or from that line the other way. `None` if no one line leads from the rectum to the cecum.
+    pub(super) fn new(lumen: &Lumen, along: &Along, backwards: bool) -> Option<Self> {
+        let line = along.only_line().filter(|_| super::has_line(lumen, along))?;
+        let (mut points, mm) = evenly(&line.points);
+        let mut is_open: Vec<bool> =
             mm.iter().map(|mm| !along.guessed().iter().any(|[a, b]| (*a..=*b).contains(mm))).collect();
+        if backwards {
+            points.reverse();
+            is_open.reverse();
+        }
+        let frames = frames(&points);
         let is_inside = |p: DVec3| lumen.segment_at(p).is_some() || lumen.is_fluid(p);
         let radius_mm = frames
             .par_iter()

@@ -32,6 +32,8 @@ pub struct Matching {
     lengths_mm: [f64; 2],
     /// Stretches of each that are collapsed (from, to; mm along).
     gaps: [Vec<[f64; 2]>; 2],
+    /// True if the line of `B` runs from the cecum: its frames are from the rectum all the same.
+    is_reversed: bool,
 }
 
 /// A place of the other colon.
@@ -43,7 +45,7 @@ pub struct Match {
     pub uncertainty_mm: f64,
     /// Point of the other line, world mm.
     pub on_line: DVec3,
-    /// Unit direction of the other line towards the cecum, world.
+    /// Unit direction of the other line towards the cecum, world; towards that of `A` if [`Matching::is_reversed`].
     pub tangent: DVec3,
     /// Unit direction from the line towards the wall, world.
     pub towards: DVec3,
@@ -60,24 +62,36 @@ impl Matching {
     /// Returns status 4 if interrupted.
     pub fn new(a: (&Lumen, &Along), b: (&Lumen, &Along), progress: &Progress) -> Result<Option<Self>> {
         progress.stage("comparing walls", 0);
-        let image = |(lumen, along): (&Lumen, &Along)| WallImage::new(lumen, along);
+        let image = |(lumen, along): (&Lumen, &Along)| WallImage::new(lumen, along, false);
         let (Some(first), Some(second)) = (image(a), image(b)) else { return Ok(None) };
         progress.check()?;
-        let paired = align(&first, &second);
+        let (mut paired, evidence) = align(&first, &second);
         progress.check()?;
+        let (mut second, mut is_reversed) = (second, false);
+        // Where the parts have no names, the rectum may have been taken for the cecum.
+        if !a.1.is_whole() || !b.1.is_whole() {
+            if let Some(other) = WallImage::new(b.0, b.1, true) {
+                let (pairs, better) = align(&first, &other);
+                if better > evidence {
+                    (second, paired, is_reversed) = (other, pairs, true);
+                }
+            }
+            progress.check()?;
+        }
         let gaps = [a.1, b.1].map(|along| along.guessed().to_vec());
         let lengths_mm = [&first, &second].map(|i| (i.rows().max(1) - 1) as f64 * STEP_MM);
-        Ok(Some(Self { frames: [first.frames, second.frames], paired, lengths_mm, gaps }))
+        Ok(Some(Self { frames: [first.frames, second.frames], paired, lengths_mm, gaps, is_reversed }))
     }
 
-    /// Returns distances along `A` and `B` that belong together, with the uncertainty of the second, mm. Both grow from pair to pair.
+    /// Returns distances along `A` and `B` that belong together, with the uncertainty of the second, mm. Both grow from pair to
+    /// pair, unless [`Matching::is_reversed`].
     pub fn pairs(&self) -> Vec<[f64; 3]> {
         let count = (self.lengths_mm[0] / PAIRS_MM).floor() as usize + 1;
         (0..count)
             .map(|n| {
                 let mm = n as f64 * PAIRS_MM;
                 let pair = self.paired_at(mm);
-                [mm, self.in_second(pair.row), pair.uncertain * STEP_MM]
+                [mm, self.own(self.in_second(pair.row)), pair.uncertain * STEP_MM]
             })
             .collect()
     }
@@ -92,6 +106,16 @@ impl Matching {
                 [n as f64 * PAIRS_MM, pair.turn.to_degrees(), pair.sure]
             })
             .collect()
+    }
+
+    /// True if one of the lines was found to run from the cecum to the rectum: distances along `B` then shrink.
+    pub fn is_reversed(&self) -> bool {
+        self.is_reversed
+    }
+
+    /// Returns a distance along `B`'s line from one from the other end, and the reverse, if that runs from the cecum.
+    fn own(&self, mm: f64) -> f64 {
+        if self.is_reversed { self.lengths_mm[1] - mm } else { mm }
     }
 
     /// Lengths of both lines, mm.
@@ -113,6 +137,7 @@ impl Matching {
 
     /// Returns what in `A` belongs to a place of `B` (world, mm) that is `along_mm` from its rectal end.
     pub fn in_a(&self, place: DVec3, along_mm: f64) -> Option<Match> {
+        let along_mm = self.own(along_mm);
         let row = along_mm / STEP_MM;
         let at = self.paired.partition_point(|p| p.row < row);
         // Rows of `A` that have the same median count alike.
@@ -133,14 +158,15 @@ impl Matching {
         let frames = &self.frames[which];
         let frame = frames[row_of(along_mm, frames.len()).unwrap_or(0)];
         let within = |mm: f64, gaps: &[[f64; 2]]| gaps.iter().any(|[from, to]| (*from..=*to).contains(&mm));
+        let own_b_mm = self.own(b_mm);
         Match {
-            along_mm,
+            along_mm: [a_mm, own_b_mm][which],
             uncertainty_mm: pair.uncertain * STEP_MM,
             on_line: frame.at,
             tangent: frame.tangent,
             towards: frame.direction(angle),
             sure: pair.sure,
-            is_gap: within(a_mm, &self.gaps[0]) || within(b_mm, &self.gaps[1]),
+            is_gap: within(a_mm, &self.gaps[0]) || within(own_b_mm, &self.gaps[1]),
         }
     }
 
@@ -177,6 +203,11 @@ impl Match {
         }
         self.on_line + self.towards * (reach + 0.5 * RAY_MM)
     }
+}
+
+/// True if one line leads through a colon from the rectum to the cecum, so that it can be matched.
+pub fn has_line(lumen: &Lumen, along: &Along) -> bool {
+    lumen.ordered && along.only_line().is_some()
 }
 
 /// Returns the row nearest to a distance, mm.
