@@ -14,10 +14,32 @@ use super::work;
 use crate::cli::messages::print;
 use crate::error::Result;
 
+/// What was recorded of a case, in short: a list may have many.
+#[derive(Clone, Copy)]
+struct Before {
+    state: State,
+    /// The class of its failure.
+    class: Option<Class>,
+    /// Whether its files were packed, their bytes, and the memory that it took, bytes; 0 if unknown.
+    took: (bool, u64, u64),
+    /// The time that it took, ms; 0 if unknown.
+    ms: u64,
+}
+
+impl Before {
+    fn of(case: &Case, record: &Record) -> Self {
+        Self {
+            state: record.state,
+            class: record.failure.as_ref().map(|f| f.class),
+            took: (queue::is_packed(&case.path), record.input.bytes, peak(record)),
+            ms: ms(record),
+        }
+    }
+}
+
 /// What is known of a case before it is run.
 pub(super) struct Expected {
-    /// What was recorded of it.
-    record: Option<Record>,
+    before: Option<Before>,
     seen: Input,
     /// Bytes.
     pub memory: u64,
@@ -37,9 +59,8 @@ pub(super) struct Learning<'a> {
 impl<'a> Learning<'a> {
     pub(super) fn new(cases: &'a [Case], out: &Path) -> Self {
         let expected = expected(cases, out);
-        let known: Vec<bool> = expected.iter().map(|e| e.record.as_ref().is_some_and(|r| peak(r) > 0)).collect();
-        let ran = expected.iter().zip(cases).filter_map(|(e, c)| e.record.as_ref().map(|r| took(c, r)));
-        let took = ran.collect();
+        let known: Vec<bool> = expected.iter().map(|e| e.before.is_some_and(|b| b.took.2 > 0)).collect();
+        let took = expected.iter().filter_map(|e| e.before.map(|b| b.took)).collect();
         Self { cases, expected, took, known }
     }
 
@@ -51,7 +72,7 @@ impl<'a> Learning<'a> {
     /// Notes what a case took that has ended, and corrects what those like it are expected to take.
     pub(super) fn learn(&mut self, case: usize, out: &Path, queue: &mut Queue) {
         let Some(record) = Folder::new(out, &self.cases[case].id).record() else { return };
-        self.took.push(took(&self.cases[case], &record));
+        self.took.push(Before::of(&self.cases[case], &record).took);
         let need = MEMORY.learn(self.took.iter().copied());
         let of = |n: usize| need.expected(&self.cases[n].path, self.expected[n].seen.bytes);
         queue.correct(|n| (!self.known[n]).then(|| of(n)));
@@ -61,11 +82,6 @@ impl<'a> Learning<'a> {
     pub(super) fn exceed(&mut self, case: usize) {
         self.known[case] = true;
     }
-}
-
-/// Returns whether a case's files were packed, their bytes, and the memory that it took.
-fn took(case: &Case, record: &Record) -> (bool, u64, u64) {
-    (queue::is_packed(&case.path), record.input.bytes, peak(record))
 }
 
 /// A case of `--plan`.
@@ -85,20 +101,19 @@ struct Row<'a> {
 
 /// Returns what each case is expected to take. What it took before counts most; what the others took, next.
 pub(super) fn expected(cases: &[Case], out: &Path) -> Vec<Expected> {
-    let before: Vec<_> = cases.iter().map(|c| Folder::new(out, &c.id).record()).collect();
-    let known = |took: fn(&Record) -> u64| {
-        let ran = cases.iter().zip(&before);
-        ran.filter_map(move |(c, r)| r.as_ref().map(|r| (queue::is_packed(&c.path), r.input.bytes, took(r))))
-    };
-    let (memory, time) = (MEMORY.learn(known(peak)), TIME.learn(known(ms)));
-    let of = |(case, record): (&Case, Option<Record>)| {
+    let before: Vec<_> =
+        cases.iter().map(|c| Folder::new(out, &c.id).record().map(|record| Before::of(c, &record))).collect();
+    let known = || before.iter().flatten();
+    let memory = MEMORY.learn(known().map(|b| b.took));
+    let time = TIME.learn(known().map(|b| (b.took.0, b.took.1, b.ms)));
+    let of = |(case, before): (&Case, &Option<Before>)| {
         let seen = record::seen(&case.path);
-        let took = |took: fn(&Record) -> u64| record.as_ref().map(took).filter(|&t| t > 0);
-        let memory = took(peak).unwrap_or_else(|| memory.expected(&case.path, seen.bytes));
-        let ms = took(ms).unwrap_or_else(|| time.expected(&case.path, seen.bytes));
-        Expected { record, seen, memory, ms }
+        let took = |took: fn(&Before) -> u64| before.as_ref().map(took).filter(|&t| t > 0);
+        let memory = took(|b| b.took.2).unwrap_or_else(|| memory.expected(&case.path, seen.bytes));
+        let ms = took(|b| b.ms).unwrap_or_else(|| time.expected(&case.path, seen.bytes));
+        Expected { before: *before, seen, memory, ms }
     };
-    cases.iter().zip(before).map(of).collect()
+    cases.iter().zip(&before).map(of).collect()
 }
 
 /// The most memory that a step took, bytes; 0 if unknown.
@@ -116,8 +131,8 @@ pub(super) fn tell(cases: &[Case], out: &Path, steps: &[Step]) -> Result<()> {
     let expected = expected(cases, out);
     let rows = cases.iter().zip(&expected).map(|(case, e)| Row {
         id: &case.id,
-        state: e.record.as_ref().map(|r| r.state),
-        class: e.record.as_ref().and_then(|r| r.failure.as_ref()).map(|f| f.class),
+        state: e.before.map(|b| b.state),
+        class: e.before.and_then(|b| b.class),
         memory_bytes: e.memory,
         seconds: e.ms as f64 / 1e3,
         key: key(case, &e.seen, steps),

@@ -99,7 +99,8 @@ impl Run {
 
 impl Job<'_> {
     fn work(mut self) -> Result<Came> {
-        let input = match self.input()? {
+        let old = self.folder.record();
+        let input = match self.input(old.as_ref())? {
             Ok(input) => input,
             Err(Some(failure)) => {
                 let input = Input { read_with: read_with(self.case), ..record::seen(&self.case.path) };
@@ -107,13 +108,14 @@ impl Job<'_> {
             }
             Err(None) => return self.again(),
         };
-        let plan = self.plan(&input, Vec::new());
+        let plan = self.plan(old.as_ref(), &input, Vec::new());
         if plan.is_recorded {
             return Ok(ended(plan.failures.first(), true));
         }
         let Some(lock) = self.folder.lock(self.deadline, self.progress)? else { return Ok(busy()) };
         // Another run may have done it meanwhile.
-        let Plan { mut record, mut failures, mut missing, is_recorded } = self.plan(&input, Vec::new());
+        let Plan { mut record, mut failures, mut missing, is_recorded } =
+            self.plan(self.folder.record().as_ref(), &input, Vec::new());
         if is_recorded {
             self.folder.give_up(lock);
             return Ok(ended(failures.first(), true));
@@ -148,7 +150,7 @@ impl Job<'_> {
 
     /// Records a case whose scan cannot be read.
     fn refuse(self, input: &Input, failure: Failure) -> Result<Came> {
-        let Plan { record, failures, is_recorded, .. } = self.plan(input, vec![failure]);
+        let Plan { record, failures, is_recorded, .. } = self.plan(self.folder.record().as_ref(), input, vec![failure]);
         if is_recorded {
             return Ok(ended(failures.first(), true));
         }
@@ -174,16 +176,16 @@ impl Job<'_> {
         Ok(Came::TooLarge(self.ledger.now(self.number)))
     }
 
-    /// Returns what the scan is, or why it cannot be read; `Err(None)` if it takes too much memory beside other cases.
-    fn input(&mut self) -> Result<std::result::Result<Input, Option<Failure>>> {
+    /// Returns what the scan is, or why it cannot be read; `Err(None)` if it takes too much memory beside other cases. `old` is what was
+    /// recorded of the case.
+    fn input(&mut self, old: Option<&Record>) -> Result<std::result::Result<Input, Option<Failure>>> {
         let input = Input { read_with: read_with(self.case), ..record::seen(&self.case.path) };
-        let old = self.folder.record().map(|r| r.input);
-        let known = old.filter(|known| {
-            let is_same = Input { content: known.content.clone(), voxels: known.voxels, ..input.clone() } == *known;
+        let known = old.map(|r| &r.input).filter(|known| {
+            let is_same = Input { content: known.content.clone(), voxels: known.voxels, ..input.clone() } == **known;
             input.files > 0 && is_same && !known.content.is_empty()
         });
         if let Some(known) = known {
-            return Ok(Ok(known));
+            return Ok(Ok(known.clone()));
         }
         let mut line: Vec<OsString> = vec!["info".into(), (&self.case.path).into()];
         line.extend(self.case.options.iter().filter(|o| is_reading(o)).flat_map(RowOption::arguments));
@@ -194,9 +196,8 @@ impl Job<'_> {
         }))
     }
 
-    /// Returns what is known of the case and what is missing. `failures` are those before its steps: there are no steps then.
-    fn plan(&self, input: &Input, mut failures: Vec<Failure>) -> Plan {
-        let old = self.folder.record();
+    /// Returns what is known of the case and what is missing. `old` is what was recorded; `failures` are those before its steps: there are no steps then.
+    fn plan(&self, old: Option<&Record>, input: &Input, mut failures: Vec<Failure>) -> Plan {
         let mut steps = BTreeMap::new();
         let mut missing = Vec::new();
         let all: &[Step] = if failures.is_empty() { &Step::ALL } else { &[] };
@@ -211,9 +212,9 @@ impl Job<'_> {
                 }
                 Err(_) => continue,
             };
-            let made = old.as_ref().and_then(|r| r.steps.get(step.name())).filter(|m| m.key == key);
+            let made = old.and_then(|r| r.steps.get(step.name())).filter(|m| m.key == key);
             let is_final = |f: &&Failure| f.step == step.name() && f.key == key && f.class.is_final();
-            let failed = old.as_ref().and_then(|r| r.failures().find(is_final)).filter(|_| is_asked);
+            let failed = old.and_then(|r| r.failures().find(is_final)).filter(|_| is_asked);
             match (made.filter(|made| self.folder.has(made)), failed) {
                 (Some(made), _) => {
                     steps.insert(step.name().to_owned(), made.clone());
@@ -233,7 +234,7 @@ impl Job<'_> {
             failure: None,
             also_failed: Vec::new(),
         };
-        let is_recorded = missing.is_empty() && old.is_some_and(|old| is_same(&old, &record, &failures));
+        let is_recorded = missing.is_empty() && old.is_some_and(|old| is_same(old, &record, &failures));
         Plan { record, failures, missing, is_recorded }
     }
 

@@ -1,7 +1,7 @@
 //! Two scans of one patient in two positions: which place of one colon is which of the other.
 //!
 //! Fluid and stool move, and the colon lies elsewhere, is stretched, and turns about its line; its folds, its caliber and its polyps stay.
-//! So the walls are compared row by row ([`image`]) and paired in order ([`align`]), each with the probability of being wrong.
+//! So the walls are compared row by row and paired in order, each pair with the probability of being wrong.
 
 mod align;
 mod image;
