@@ -149,9 +149,9 @@ impl Ledger {
         self.cases().iter().find(|e| e.case == case).map_or(0, |e| e.now)
     }
 
-    /// True if no other case runs.
-    pub(super) fn is_alone(&self) -> bool {
-        self.cases().len() <= 1
+    /// True if a case of so many bytes is within the limit by itself.
+    pub(super) fn holds(&self, bytes: u64) -> bool {
+        bytes <= self.limit
     }
 }
 
@@ -190,10 +190,10 @@ mod tests {
             ledger.begin(queue.next().unwrap());
         }
         assert!(!ledger.is_too_large(0, 2) && !ledger.is_too_large(1, 2));
-        assert!(!ledger.is_alone() && ledger.is_too_large(1, 3) && !ledger.is_too_large(0, 2));
+        assert!(ledger.is_too_large(1, 3) && !ledger.is_too_large(0, 2) && ledger.holds(3));
         ledger.end(1);
         queue.again(1, 3);
-        assert!(ledger.is_alone() && !ledger.is_too_large(0, 4) && ledger.is_too_large(0, 5));
+        assert!(!ledger.is_too_large(0, 4) && ledger.is_too_large(0, 5) && !ledger.holds(5));
         assert_eq!(queue.next(), Some(Waiting { case: 2, memory: 2 }), "which fits beside the first");
         queue.end(0);
         queue.end(2);

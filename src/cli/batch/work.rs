@@ -278,7 +278,8 @@ impl Job<'_> {
             Ended::Answered(answer) => Err(Some(self.failed(step, Class::of(answer.status), &answer.line))),
             Ended::Late => Err(Some(self.failed(step, Class::Timeout, "took longer than --timeout allows"))),
             Ended::Died => Err(Some(self.failed(step, Class::Killed, "was killed"))),
-            Ended::TooLarge(_) if !ledger.is_alone() => Err(None),
+            // Alone it may fit.
+            Ended::TooLarge(bytes) if ledger.holds(bytes) => Err(None),
             Ended::TooLarge(_) => Err(Some(self.failed(step, Class::Memory, "took more memory than --memory allows"))),
         })
     }

@@ -34,11 +34,6 @@ impl Frame {
     pub(super) fn direction(&self, angle: f64) -> DVec3 {
         self.normal * angle.cos() + self.tangent.cross(self.normal) * angle.sin()
     }
-
-    /// Returns the angle of a direction, radians.
-    pub(super) fn angle(&self, direction: DVec3) -> f64 {
-        direction.dot(self.tangent.cross(self.normal)).atan2(direction.dot(self.normal))
-    }
 }
 
 /// The wall over distance and angle. Rows are [`STEP_MM`] apart.

@@ -8,8 +8,6 @@ mod image;
 
 use std::f64::consts::TAU;
 
-use glam::DVec3;
-
 use super::{Along, Lumen};
 use crate::error::Result;
 use crate::progress::Progress;
@@ -18,41 +16,17 @@ use image::{STEP_MM, WallImage};
 
 /// Distance between the pairs of [`Matching::pairs`], mm.
 const PAIRS_MM: f64 = 4.0;
-/// A wall is sought as far as this from the line, mm.
-const FAR_MM: f64 = 60.0;
-/// Step of that search, mm.
-const RAY_MM: f64 = 0.25;
 
 /// Places of one colon and those of another that belong together. `A` is the first, `B` the second.
 #[derive(Clone, Debug)]
 pub struct Matching {
-    frames: [Vec<image::Frame>; 2],
     /// For each row of `A`.
     paired: Vec<Paired>,
     lengths_mm: [f64; 2],
     /// Stretches of each that are collapsed (from, to; mm along).
     gaps: [Vec<[f64; 2]>; 2],
-    /// True if the line of `B` runs from the cecum: its frames are from the rectum all the same.
+    /// True if the line of `B` runs from the cecum: turns are about it from the rectum all the same.
     is_reversed: bool,
-}
-
-/// A place of the other colon.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Match {
-    /// Distance along the other colon, mm.
-    pub along_mm: f64,
-    /// The place is within this of it along the colon, with a probability of 90 %, mm.
-    pub uncertainty_mm: f64,
-    /// Point of the other line, world mm.
-    pub on_line: DVec3,
-    /// Unit direction of the other line towards the cecum, world; towards that of `A` if [`Matching::is_reversed`].
-    pub tangent: DVec3,
-    /// Unit direction from the line towards the wall, world.
-    pub towards: DVec3,
-    /// How sure the direction is: 0 (any) to 1.
-    pub sure: f64,
-    /// True if either colon is collapsed there.
-    pub is_gap: bool,
 }
 
 impl Matching {
@@ -80,7 +54,7 @@ impl Matching {
         }
         let gaps = [a.1, b.1].map(|along| along.guessed().to_vec());
         let lengths_mm = [&first, &second].map(|i| (i.rows().max(1) - 1) as f64 * STEP_MM);
-        Ok(Some(Self { frames: [first.frames, second.frames], paired, lengths_mm, gaps, is_reversed }))
+        Ok(Some(Self { paired, lengths_mm, gaps, is_reversed }))
     }
 
     /// Returns distances along `A` and `B` that belong together, with the uncertainty of the second, mm. Both grow from pair to
@@ -113,7 +87,7 @@ impl Matching {
         self.is_reversed
     }
 
-    /// Returns a distance along `B`'s line from one from the other end, and the reverse, if that runs from the cecum.
+    /// Returns a distance along `B`'s line from one from its rectal end, mm.
     fn own(&self, mm: f64) -> f64 {
         if self.is_reversed { self.lengths_mm[1] - mm } else { mm }
     }
@@ -126,48 +100,6 @@ impl Matching {
     /// Collapsed stretches of both (from, to; mm along).
     pub fn gaps(&self) -> [&[[f64; 2]]; 2] {
         [&self.gaps[0], &self.gaps[1]]
-    }
-
-    /// Returns what in `B` belongs to a place of `A` (world, mm) that is `along_mm` from its rectal end.
-    pub fn in_b(&self, place: DVec3, along_mm: f64) -> Option<Match> {
-        let pair = self.paired_at(along_mm);
-        let frame = self.frames[0].get(row_of(along_mm, self.frames[0].len())?)?;
-        Some(self.place(1, pair, frame.angle(place - frame.at) + pair.turn, along_mm, self.in_second(pair.row)))
-    }
-
-    /// Returns what in `A` belongs to a place of `B` (world, mm) that is `along_mm` from its rectal end.
-    pub fn in_a(&self, place: DVec3, along_mm: f64) -> Option<Match> {
-        let along_mm = self.own(along_mm);
-        let row = along_mm / STEP_MM;
-        let at = self.paired.partition_point(|p| p.row < row);
-        // Rows of `A` that have the same median count alike.
-        let same = self.paired.partition_point(|p| p.row <= row).max(at + 1);
-        let (low, high) = (at.saturating_sub(1), same.min(self.paired.len()) - 1);
-        let (before, after) = (self.paired.get(low)?, self.paired.get(high)?);
-        let share =
-            if after.row > before.row { ((row - before.row) / (after.row - before.row)).clamp(0.0, 1.0) } else { 0.5 };
-        let own = low as f64 + share * (high - low) as f64;
-        let pair = self.paired_at(own * STEP_MM);
-        let frame = self.frames[1].get(row_of(along_mm, self.frames[1].len())?)?;
-        let angle = frame.angle(place - frame.at) - pair.turn;
-        Some(self.place(0, pair, angle, own * STEP_MM, along_mm))
-    }
-
-    fn place(&self, which: usize, pair: Paired, angle: f64, a_mm: f64, b_mm: f64) -> Match {
-        let along_mm = [a_mm, b_mm][which];
-        let frames = &self.frames[which];
-        let frame = frames[row_of(along_mm, frames.len()).unwrap_or(0)];
-        let within = |mm: f64, gaps: &[[f64; 2]]| gaps.iter().any(|[from, to]| (*from..=*to).contains(&mm));
-        let own_b_mm = self.own(b_mm);
-        Match {
-            along_mm: [a_mm, own_b_mm][which],
-            uncertainty_mm: pair.uncertain * STEP_MM,
-            on_line: frame.at,
-            tangent: frame.tangent,
-            towards: frame.direction(angle),
-            sure: pair.sure,
-            is_gap: within(a_mm, &self.gaps[0]) || within(own_b_mm, &self.gaps[1]),
-        }
     }
 
     /// Returns the pair of a distance along `A`, mm.
@@ -193,25 +125,7 @@ impl Matching {
     }
 }
 
-impl Match {
-    /// Returns the place of the wall of `lumen`, the other colon's: where a line from its centerline leaves it.
-    pub fn on_wall(&self, lumen: &Lumen) -> DVec3 {
-        let is_inside = |p: DVec3| lumen.segment_at(p).is_some() || lumen.is_fluid(p);
-        let mut reach = 0.0;
-        while reach < FAR_MM && is_inside(self.on_line + self.towards * (reach + RAY_MM)) {
-            reach += RAY_MM;
-        }
-        self.on_line + self.towards * (reach + 0.5 * RAY_MM)
-    }
-}
-
 /// True if one line leads through a colon from the rectum to the cecum, so that it can be matched.
 pub fn has_line(lumen: &Lumen, along: &Along) -> bool {
     lumen.ordered && along.only_line().is_some()
-}
-
-/// Returns the row nearest to a distance, mm.
-fn row_of(mm: f64, rows: usize) -> Option<usize> {
-    let last = rows.checked_sub(1)?;
-    Some((mm / STEP_MM).round().clamp(0.0, last as f64) as usize)
 }
