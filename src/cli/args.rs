@@ -145,6 +145,12 @@ pub enum Command {
 pub struct FlyArgs {
     /// Scan: NIfTI, MetaImage, NRRD, DICOM, or a folder of PNG slices [default: the embedded phantom]
     pub input: Option<PathBuf>,
+    /// The same patient's scan in another position, read beside this one in a window; of a study with several series, the paired one
+    #[arg(long, value_name = "INPUT")]
+    pub second: Option<PathBuf>,
+    /// Read --second even if it is another patient's
+    #[arg(long, requires = "second")]
+    pub force: bool,
     /// Fly without a window
     #[arg(long)]
     pub headless: bool,
@@ -211,9 +217,9 @@ pub struct FlyArgs {
     /// Scene file with plugins and settings
     #[arg(long, value_name = "S.toml")]
     pub scene: Option<PathBuf>,
-    /// Panels of the window: the flight alone, the flight and three slices, four slices, or the flight and the slice across the
-    /// path [default: as you left them]
-    #[arg(long, value_parser = ["flight", "reading", "slices", "across"])]
+    /// Panels of the window: the flight alone, the flight and three slices, four slices, the flight and the slice across the path, or
+    /// both positions [default: as you left them; both with --second]
+    #[arg(long, value_parser = ["flight", "reading", "slices", "across", "both"])]
     pub layout: Option<String>,
     /// Method that finds polyps in the window [default: shape]
     #[arg(long, value_name = "DETECTOR")]

@@ -70,7 +70,7 @@ impl Files {
     /// Those of a flight.
     pub(super) fn fly(a: &FlyArgs) -> Self {
         Self::default()
-            .reads(a.input.iter().chain(&a.replay).chain(&a.play).chain(&a.scene).chain(&a.answers))
+            .reads(a.input.iter().chain(&a.second).chain(&a.replay).chain(&a.play).chain(&a.scene).chain(&a.answers))
             .writes(a.record.as_ref().map(PathBuf::from))
             .writes(a.log.iter().chain(&a.stats).chain(&a.record_input).chain(&a.coverage_mesh))
     }

@@ -8,8 +8,9 @@ use crate::cli::Program;
 use crate::cli::args::{self, Args};
 
 /// Options with a file that is read, as `command option`; all others are written. `*` stands for `fly` and its kin.
-const READ: [&str; 30] = [
+const READ: [&str; 31] = [
     "* input",
+    "* second",
     "* answers",
     "* replay",
     "* play",

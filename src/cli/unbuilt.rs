@@ -81,7 +81,7 @@ mod tests {
             other => panic!("{other:?}"),
         };
         for (words, what) in [
-            (&["colvis", "--second", "x"][..], "--second"),
+            (&["colvis", "case", "--second", "x"][..], "--second"),
             (&["colvis", "--camera", "fisheye"], "--camera fisheye"),
             (&["colvis", "report", "unfold", "--out", "x"], "report unfold"),
         ] {

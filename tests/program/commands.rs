@@ -12,7 +12,7 @@ const COMMANDS: [(&str, &str); 20] = [
     (
         "fly",
         "--headless --guide --from --to --reverse --seconds --fps --size --quality --preset --record --log --stats \
-         --coverage --record-input --replay --play --rate --scene !--second --coverage-mesh --review \
+         --coverage --record-input --replay --play --rate --scene --second --force --coverage-mesh --review \
          --answers",
     ),
     ("render", "--poses --out --size --quality --preset --samples --no-reuse --depth --stats !--normals"),

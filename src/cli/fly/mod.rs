@@ -3,6 +3,8 @@
 mod covering;
 mod files;
 #[cfg(feature = "window")]
+mod pair;
+#[cfg(feature = "window")]
 mod window;
 
 use std::path::{Path, PathBuf};
@@ -75,6 +77,10 @@ pub(crate) fn check(args: &FlyArgs) -> Result<()> {
             return Err(Error::usage(name, format!("{v} is not above 0"), "give a positive number"));
         }
     }
+    if args.headless && args.second.is_some() {
+        let hint = "leave --headless out; `match` finds the places that belong together";
+        return Err(Error::usage("--second", "two positions are read side by side in a window", hint));
+    }
     if args.rate.is_some() && args.play.is_none() {
         return Err(Error::usage("--rate", "needs --play and a log", "add them, or leave --rate out"));
     }
@@ -106,7 +112,7 @@ pub(crate) fn check(args: &FlyArgs) -> Result<()> {
 
 /// Refuses a missing input and impossible outputs before any work is done.
 fn check_files(args: &FlyArgs) -> Result<()> {
-    if let Some(input) = args.input.as_deref().filter(|i| !i.exists()) {
+    if let Some(input) = [&args.input, &args.second].into_iter().flatten().find(|i| !i.exists()) {
         return Err(Error::file(
             input,
             "does not exist",

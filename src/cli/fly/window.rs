@@ -9,6 +9,7 @@ use serde_json::json;
 
 use super::covering::Covering;
 use super::files::read_commands;
+use super::pair::Pair;
 use super::{Screen, ask_plugins, leave, leave_unflown, overlays, request, say, scene, stats};
 use crate::app::{FlightApp, FlightRequest, Place, Scan, Scene, Timings};
 use crate::cli::Program;
@@ -42,21 +43,41 @@ pub(crate) fn fly(
     let flown = Rc::new(Cell::new(false));
     let first = opening(program, args, global, scene, false, &timings, Rc::clone(&flown))?;
     let (own_timings, own_flown) = (Arc::clone(&timings), Rc::clone(&flown));
+    let is_forced = args.force;
     let (own_program, own_args, own_global) = (program.clone(), args.clone(), global.clone());
     let open = move |asked: Asked| {
-        let Asked { input, series, is_flying, is_whole } = asked;
+        let Asked { input, series, is_flying, is_whole, beside } = asked;
         // The files that were asked for are those of the first scan that is flown.
         let is_first = !is_flying && !own_flown.get();
         let args = for_another(own_args.clone(), input, is_first);
-        let global = Global { series: series.map(SeriesChoice::Number), ..own_global.clone() };
+        let mut global = Global { series: series.map(SeriesChoice::Number), ..own_global.clone() };
+        let pair = beside.zip(args.input.clone()).map(|(first, second)| Pair { first, second });
+        if let (Some(pair), None) = (&pair, series) {
+            global.series = pair.paired(&global)?.map(SeriesChoice::Number);
+        }
         let scene = super::scene(&own_program, &args, &global, Screen::Window)?;
-        match is_first {
+        let mut opening = match is_first {
             true => opening(&own_program, &args, &global, scene, is_whole, &own_timings, Rc::clone(&own_flown)),
             false => opening(&own_program, &args, &global, scene, is_whole, &Arc::default(), Rc::default()),
+        }?;
+        if let Some(pair) = pair.filter(|_| !is_forced) {
+            let prepare = opening.prepare;
+            opening.prepare = Box::new(move |progress| {
+                pair.check(&global, progress)?;
+                prepare(progress)
+            });
         }
+        Ok(opening)
     };
     let launch = window::Launch {
         first,
+        second: args.second.clone().map(|path| Asked {
+            input: Some(path),
+            series: None,
+            is_flying: true,
+            is_whole: false,
+            beside: None,
+        }),
         open: Box::new(open),
         size: args.size,
         overlays,
@@ -65,7 +86,7 @@ pub(crate) fn fly(
         panels: program.all_panels(),
         actions: program.actions.clone(),
         report: report(global),
-        layout: args.layout.clone(),
+        layout: args.layout.clone().or_else(|| args.second.as_ref().map(|_| "both".to_owned())),
     };
     let ended = window::run(display, launch, progress).and_then(|()| all_written(args, flown.get()));
     ended.inspect_err(|e| {
@@ -143,6 +164,8 @@ fn for_another(args: FlyArgs, input: Option<PathBuf>, is_first: bool) -> FlyArgs
     // Every option is named, so that a new one cannot be forgotten here.
     let FlyArgs {
         input: _,
+        second: _,
+        force: _,
         headless,
         guide,
         from: _,

@@ -115,6 +115,7 @@ fn table() -> Vec<Action> {
         shared(SLAB_ROW, "slab-kind", "projection of a slab: mean, maximum, minimum", "Ctrl+6", I::SlabKind),
         action("slices-reset", "slices: reset", "Ctrl+9", I::ResetSlices),
         action("open", "open another scan", "Ctrl+O", I::Files),
+        action("position", "work in the patient's other position", "O", I::OtherPosition),
         action("measure", "measure a distance with two clicks, stop measuring", "M C", I::Measure),
         shared(STEP_ROW, "candidate-next", "next candidate", "Enter", I::Step(true)),
         shared(STEP_ROW, "candidate-previous", "previous candidate", "Ctrl+Enter", I::Step(false)),
@@ -182,7 +183,7 @@ const OWN_AFTER: &str = "guide";
 const LAYOUTS_AFTER: &str = "fullscreen";
 
 /// The row of the help that lists all layouts.
-const LAYOUT_ROW: &str = "panels: flight alone, reading, slices, across the path";
+const LAYOUT_ROW: &str = "panels: flight alone, reading, slices, across the path, both positions";
 
 fn chords(keys: &str) -> Vec<Chord> {
     let all: Vec<Chord> = keys.split_whitespace().filter_map(|k| k.parse().ok()).collect();

@@ -15,7 +15,7 @@ use super::finding_tool::FindingTool;
 use super::intent::{Intent, SliceInput, WhyNot};
 use super::kinds::Kinds;
 use super::measures::Measures;
-use super::overlay::HudState;
+use super::overlay::{Content, HudState};
 use super::quality::QualityTool;
 use super::reporting::Reporting;
 use super::seen::Seen;
@@ -117,6 +117,22 @@ pub struct Context<'a> {
     pub(super) opened: Option<(&'a Path, Option<usize>)>,
     /// True if the state is shown above all panels.
     pub(super) is_headed: bool,
+    /// The patient's other position.
+    pub(super) other: Option<Other<'a>>,
+    /// True if the panel of the second position is shown.
+    pub(super) shows_both: bool,
+}
+
+/// The patient's position that is not worked in.
+#[derive(Clone, Copy)]
+pub(super) struct Other<'a> {
+    /// What there is of it.
+    pub(super) content: &'a Content,
+    /// Its flight, once there is one.
+    pub(super) view: Option<&'a dyn WindowView>,
+    pub(super) opened: Option<(&'a Path, Option<usize>)>,
+    /// True if it is the first position: the second is worked in.
+    pub(super) is_first: bool,
 }
 
 impl<'a> Context<'a> {
@@ -126,7 +142,17 @@ impl<'a> Context<'a> {
         recent: &'a [PathBuf],
         hud: &'a HudState,
     ) -> Self {
-        Self { flight: view.flight(), view, actions, recent, hud, opened: None, is_headed: false }
+        Self {
+            flight: view.flight(),
+            view,
+            actions,
+            recent,
+            hud,
+            opened: None,
+            is_headed: false,
+            other: None,
+            shows_both: false,
+        }
     }
 
     /// Returns the name of the open scan, and of its series if one was asked for.
@@ -137,6 +163,23 @@ impl<'a> Context<'a> {
     /// Tells whether the state is shown above all panels.
     pub(super) fn headed(self, is_headed: bool) -> Self {
         Self { is_headed, ..self }
+    }
+
+    /// Adds the patient's other position. `shows_both` tells whether the panel of the second one is shown.
+    pub(super) fn beside(self, other: Option<Other<'a>>, shows_both: bool) -> Self {
+        Self { other, shows_both, ..self }
+    }
+
+    /// Returns the same of the other position, with its state for display; `None` if there is none, or if it is not ready.
+    pub(super) fn of_other(&self) -> Option<Self> {
+        let other = self.other?;
+        let (Some(view), Content::Flight(hud)) = (other.view, other.content) else { return None };
+        Some(Self { opened: other.opened, ..Self::new(view, self.actions, self.recent, hud) })
+    }
+
+    /// True if the second position is worked in, and not the first.
+    pub(super) fn is_second(&self) -> bool {
+        self.other.is_some_and(|other| other.is_first)
     }
 
     /// Returns the number of the series that was asked for.
@@ -248,6 +291,7 @@ pub trait Panel {
 pub struct Requests {
     list: Vec<Intent>,
     flight_at: Option<Rect>,
+    other_at: Option<Rect>,
     slices_at: Vec<(Orientation, Rect)>,
 }
 
@@ -338,6 +382,16 @@ impl Requests {
     /// Returns the rectangle of the flight's picture, points.
     pub(super) fn flight_at(&self) -> Option<Rect> {
         self.flight_at
+    }
+
+    /// Shows the picture of the patient's other position below the interface, in a rectangle in points.
+    pub(super) fn show_other(&mut self, at: Rect) {
+        self.other_at = Some(at);
+    }
+
+    /// Returns the rectangle of the other position's picture, points.
+    pub(super) fn other_at(&self) -> Option<Rect> {
+        self.other_at
     }
 
     /// Takes all requests, in order.

@@ -64,9 +64,7 @@ use crate::host::frames::FrameStats;
 use crate::host::headless;
 use crate::output;
 use crate::polyps::{Detector, detectors};
-#[cfg(test)]
-use crate::render::Frame;
-use crate::render::ImageSize;
+use crate::render::{Frame, ImageSize};
 use crate::systems::present;
 use crate::volume::io::thick_slices;
 use looking::Looking;
@@ -276,8 +274,12 @@ impl FlightController {
         self.view_renderer.presented(ms);
     }
 
+    /// Tells whether another picture is rendered in each frame.
+    pub(crate) fn share_frames(&mut self, is_shared: bool) {
+        self.view_renderer.share_frames(is_shared);
+    }
+
     /// Returns the last rendered image.
-    #[cfg(test)]
     pub(crate) fn image(&self) -> Option<&Frame> {
         self.view_renderer.image(&self.flight)
     }

@@ -25,6 +25,8 @@ pub(crate) struct Framebuffer {
     next: Option<(Places, Instant)>,
     /// The slices as they were last received.
     slices: Vec<(Entity, Frame)>,
+    /// The last picture of the patient's other position.
+    other: Option<Frame>,
     presented: Option<Result<PresentResult>>,
     /// Why the window system refused a picture.
     refused: Option<String>,
@@ -35,6 +37,8 @@ pub(crate) struct Framebuffer {
 pub(crate) struct Places {
     /// Position of the flight's picture; `None` if it is not shown.
     pub flight: Option<(usize, usize)>,
+    /// Position of the picture of the patient's other position; `None` if it is not shown.
+    pub other: Option<(usize, usize)>,
     /// Positions of the slices.
     pub slices: Vec<(Entity, (usize, usize))>,
 }
@@ -62,14 +66,24 @@ impl Framebuffer {
             painter: Painter::new()?,
             next: None,
             slices: Vec::new(),
+            other: None,
             presented: None,
             refused: None,
         })
     }
 
-    /// Removes the slices, which belong to a closed scan.
-    pub(crate) fn forget_slices(&mut self) {
+    /// Removes the slices and the other position's picture, which belong to a scan that is closed, or not worked in any more.
+    pub(crate) fn forget_pictures(&mut self) {
         self.slices.clear();
+        self.other = None;
+    }
+
+    /// Takes over a picture of the patient's other position.
+    pub(crate) fn show_other(&mut self, picture: &Frame) {
+        match &mut self.other {
+            Some(kept) => kept.clone_from(picture),
+            None => self.other = Some(picture.clone()),
+        }
     }
 
     /// Returns the window.
@@ -117,13 +131,15 @@ impl Framebuffer {
         // Taken out while shown, since the presentation borrows the rest of `self`.
         let slices = std::mem::take(&mut self.slices);
         let flight = places.flight.zip(picture).map(|(at, (frame, _))| Placed { at, frame });
-        let mut placed: Vec<Placed<'_>> = flight.into_iter().collect();
+        let other = std::mem::take(&mut self.other);
+        let beside = places.other.zip(other.as_ref()).map(|(at, frame)| Placed { at, frame });
+        let mut placed: Vec<Placed<'_>> = flight.into_iter().chain(beside).collect();
         placed.extend(slices.iter().filter_map(|(entity, frame)| {
             let at = places.slices.iter().find(|p| p.0 == *entity)?.1;
             Some(Placed { at, frame })
         }));
         let shown = self.show(&placed);
-        self.slices = slices;
+        (self.slices, self.other) = (slices, other);
         let traced_ms = picture.map_or(0.0, |(_, ms)| ms);
         self.presented = Some(shown.map(|p| PresentResult { traced_ms, ..p }));
     }

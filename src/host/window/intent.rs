@@ -168,6 +168,10 @@ pub(crate) enum Intent {
 
     /// Open another scan. The number selects a series in a folder that holds several.
     Open(PathBuf, Option<usize>),
+    /// Open another scan as the patient's second position. The number selects a series in a folder that holds several.
+    OpenSecond(PathBuf, Option<usize>),
+    /// Work in the patient's other position.
+    OtherPosition,
     /// Start a flight in the gas at a place, world mm, of a scan that is shown without one.
     StartAt(DVec3),
     /// Open the scan anew, for one flight through the whole colon.

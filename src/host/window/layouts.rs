@@ -67,6 +67,13 @@ pub(crate) const LAYOUTS: &[LayoutEntry] = &[
         menus: true,
         tiles: Split::Row(&[(1.0, Split::Panel("flight")), (1.0, Split::Panel("across"))]),
     },
+    LayoutEntry {
+        name: "both",
+        text: "both positions",
+        key: "F6",
+        menus: true,
+        tiles: Split::Row(&[(1.0, Split::Panel("flight")), (1.0, Split::Panel("second"))]),
+    },
 ];
 
 impl Split {

@@ -219,6 +219,8 @@ pub struct Asked {
     /// One flight through the whole colon, from the rectum along the centerline, cleansed; otherwise the flight that the
     /// command line asks for.
     pub is_whole: bool,
+    /// Beside which scan, and which of its series, it is opened as the same patient's other position.
+    pub beside: Option<(PathBuf, Option<usize>)>,
 }
 
 /// A scan to open in a window.
@@ -245,6 +247,8 @@ pub struct Opening {
 pub struct Launch {
     /// The scan to open first.
     pub first: Opening,
+    /// The same patient in another position, to be read with it.
+    pub second: Option<Asked>,
     /// Opens another scan, or the same in another way.
     pub open: Box<dyn Fn(Asked) -> Result<Opening>>,
     /// Size of the window in pixels; a default size if `None`.

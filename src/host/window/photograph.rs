@@ -46,6 +46,8 @@ impl std::fmt::Debug for Photograph {
 pub(crate) struct Views {
     /// The flight's picture, if it is shown.
     pub flight: Option<Rect>,
+    /// The picture of the patient's other position, if it is shown.
+    pub other: Option<Rect>,
     /// The slices.
     pub slices: Vec<(Orientation, Rect)>,
 }
@@ -55,13 +57,20 @@ impl Photograph {
     pub(crate) fn take(context: &Context<'_>, size: WindowSize, views: &Views) -> Option<Self> {
         let flight_at = views.flight.map(|at| size.in_pixels(at)).filter(|at| at[2] * at[3] > 0);
         let slices_at: Vec<_> = views.slices.iter().map(|(o, at)| (*o, size.in_pixels(*at))).collect();
-        let all = flight_at.iter().chain(slices_at.iter().map(|s| &s.1)).filter(|at| at[2] * at[3] > 0);
+        let other_at = views.other.map(|at| size.in_pixels(at));
+        let beside = slices_at.iter().map(|s| &s.1).chain(&other_at);
+        let all = flight_at.iter().chain(beside).filter(|at| at[2] * at[3] > 0);
         let part = all.copied().reduce(around)?;
         let mut canvas = Frame::new(size.pixels.width, size.pixels.height);
         for (orientation, at) in &slices_at {
             if let Some(view) = context.slice(*orientation) {
                 put(&mut canvas, [at[0], at[1]], &view.frame);
             }
+        }
+        let other = context.of_other();
+        let of_other = other.as_ref().and_then(|o| o.flight.camera::<Picture>());
+        if let (Some(at), Some(picture)) = (other_at, of_other) {
+            put(&mut canvas, [at[0], at[1]], &picture.frame);
         }
         // Messages tell what has just been done, and keys what can be.
         let hud = HudState { message: None, keys: String::new(), ..context.hud.clone() };
@@ -71,6 +80,9 @@ impl Photograph {
             }
             if let Some(at) = views.flight {
                 flight::draw_alone(context, ui, at, &hud);
+            }
+            if let Some((at, other)) = views.other.zip(other.as_ref()) {
+                flight::draw_alone(other, ui, at, other.hud);
             }
         })?;
         let labels = labels(context, views);
@@ -201,7 +213,7 @@ mod tests {
             let context = Context::new(c, &actions, &[], &hud).of_scan(Some(Path::new("a/case.nii")), Some(2));
             (Photograph::take(&context, size, views), labels(&context, views))
         };
-        let both = Views { flight: Some(flight), slices: vec![(Orientation::Axial, axial)] };
+        let both = Views { flight: Some(flight), other: None, slices: vec![(Orientation::Axial, axial)] };
         let (photo, [what, how]) = taken(&mut c, &both);
         assert!(what.starts_with("series 2") && !what.contains("case") && how.starts_with("view 90°"), "{what} {how}");
         assert!(how.contains("axial 0.1") && how.contains("mm per pixel"), "{how}");

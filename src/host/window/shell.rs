@@ -3,6 +3,7 @@
 mod open_scan;
 mod opening;
 mod photograph;
+mod positions;
 mod unflown;
 
 use std::rc::Rc;
@@ -38,7 +39,7 @@ use super::sheet::{self, Sheet};
 use super::stroke::{Pressed, Stroke};
 use super::workspace::Workspace;
 use super::{Asked, Launch, Opening, Resume};
-use crate::app::Overlay;
+use crate::app::{FlightApp, Overlay};
 use crate::components::slices::Orientation;
 use crate::error::{Error, Result};
 #[cfg(feature = "dicom")]
@@ -72,8 +73,12 @@ pub(crate) enum Wake {
 
 /// The program as an application of the event loop.
 pub(crate) struct Shell {
-    /// The scan that is open or being opened.
+    /// The scan that is open or being opened; of two positions, the one that is worked in.
     scan: OpenScan,
+    /// The patient's other position.
+    other: Option<OpenScan>,
+    /// A second position that is opened once the first one is shown.
+    second: Option<Asked>,
     window: Option<Rc<Window>>,
     /// The window's pixels, until a flight presents its pictures there.
     framebuffer: Option<Framebuffer>,
@@ -147,6 +152,8 @@ impl Shell {
         }));
         Ok(Self {
             scan,
+            other: None,
+            second: launch.second,
             window: None,
             framebuffer: None,
             laid_out_at: None,
@@ -191,7 +198,7 @@ impl Shell {
         if let Err(e) = self.workspace.keep() {
             output::to_stderr(format_args!("note: the layout was not saved: {e}"));
         }
-        let unopened = self.scan.unopened();
+        let unopened = self.scan.unopened().and(self.other.as_ref().map_or(Ok(()), OpenScan::unopened));
         let closed = self.close();
         // Last, since it asks the window system, which may have gone.
         self.keep_placement();
@@ -222,14 +229,15 @@ impl Shell {
         closed
     }
 
-    /// Closes the open scan and writes the outputs of its flight.
+    /// Closes the open scan, with its other position, and writes the outputs of its flight.
     ///
     /// # Errors
     /// Returns the first error.
     fn close(&mut self) -> Result<()> {
         let closed = self.scan.close(&mut self.framebuffer);
+        let other = self.other.take().map_or(Ok(()), |mut other| other.close(&mut None));
         self.left = self.scan.keeping.take().or(self.left.take());
-        closed
+        closed.and(other)
     }
 
     fn fail(&mut self, e: Error, events: &ActiveEventLoop) {
@@ -298,24 +306,13 @@ impl Shell {
         {
             output::to_stderr(format_args!("note: the list of recent scans was not saved: {e}"));
         }
-        let mut controller =
-            FlightController::new(flight, self.background.clone(), overlays, Rc::clone(&self.actions))?;
-        controller.set_own(Rc::clone(&self.own));
-        controller.set_detector(self.detector);
-        #[cfg(feature = "dicom")]
-        controller.set_archives(archives::known_or_told());
-        controller.set_reported(self.scan.input.clone().map(|input| Reported {
-            make: Arc::clone(&self.report),
-            input,
-            series: self.scan.series,
-        }));
+        let mut controller = self.controller(flight, overlays, &self.scan)?;
         if self.scan.seconds.is_some() {
             controller.limit_time();
         }
         keeping.equip(&mut controller);
         notes.extend(keeping.warning().inspect(|warning| output::to_stderr(format_args!("note: {warning}"))));
         self.scan.keeping = Some(keeping);
-        controller.set_screenshots(settings::screenshots());
         if let Some(e) = self.unsettled.take() {
             controller.say(format!("{}: {}", e.what, e.why), Instant::now());
         } else if along.is_some() {
@@ -334,6 +331,23 @@ impl Shell {
         }
         self.scan.stage = Stage::Flying(Box::new(controller));
         Ok(())
+    }
+
+    /// Returns the controller of a scan's flight, with all that is the window's.
+    ///
+    /// # Errors
+    /// Returns status 1 if the system cannot start threads.
+    fn controller(&self, flight: FlightApp, overlays: Vec<Overlay>, scan: &OpenScan) -> Result<FlightController> {
+        let (background, actions) = (self.background.clone(), Rc::clone(&self.actions));
+        let mut controller = FlightController::new(flight, background, overlays, actions)?;
+        controller.set_own(Rc::clone(&self.own));
+        controller.set_detector(self.detector);
+        #[cfg(feature = "dicom")]
+        controller.set_archives(archives::known_or_told());
+        let (make, series) = (Arc::clone(&self.report), scan.series);
+        controller.set_reported(scan.input.clone().map(|input| Reported { make, input, series }));
+        controller.set_screenshots(settings::screenshots());
+        Ok(controller)
     }
 
     fn key(&mut self, event: &KeyEvent, events: &ActiveEventLoop) {
@@ -430,6 +444,7 @@ impl Shell {
             }
             Stage::Over => return Ok(()),
         };
+        let other = self.other_content(size, now);
         let more = match &self.scan.stage {
             Stage::Flying(c) => c.has_marks() || self.workspace.shows_more_than_the_flight(),
             Stage::Loading(_) | Stage::Failed(_) | Stage::Over => false,
@@ -437,21 +452,25 @@ impl Shell {
         // A moving flight is laid out half as often as pictures are shown: rasterising takes as long as a small picture.
         let more = more && self.laid_out_at.is_none_or(|t| now.saturating_duration_since(t) >= LAYOUTS);
         let touched = std::mem::take(&mut self.touched) || more || self.interface.next().is_some_and(|t| t <= now);
-        if !touched && self.scan.placed.laid_out.as_ref().is_some_and(|l| l.0 == content && l.1 == size) {
+        let laid_out = (content, other, size);
+        if !touched && self.scan.placed.laid_out.as_ref() == Some(&laid_out) {
             return Ok(());
         }
+        let (content, beside, size) = laid_out;
         let (Some(input), Some(window)) = (&mut self.input, &self.window) else { return Ok(()) };
         let (stage, workspace, mut requests) = (&self.scan.stage, &mut self.workspace, Requests::default());
         let (sheet, mut answer) = (&mut self.sheet, sheet::Answer::Stay);
         let (actions, recent) = (&*self.actions, self.recent.scans());
         let (file_list, mut chosen) = (&mut self.file_list, None);
         let (opening, series) = (self.scan.input.as_deref(), self.scan.series);
+        let other = self.other.as_ref().zip(beside.as_ref()).map(|(other, content)| other.beside(content));
+        let shows_both = workspace.shows("second");
         let choices = if let Stage::Failed(e) = stage { &e.choices[..] } else { &[] };
         let output = self.interface.lay_out(input.take_egui_input(window), size, now, |ui| {
             match (&content, stage) {
                 (Content::Flight(hud), Stage::Flying(controller)) => {
                     let context = Context::new(&**controller, actions, recent, hud).of_scan(opening, series);
-                    let context = context.headed(workspace.is_headed());
+                    let context = context.headed(workspace.is_headed()).beside(other, shows_both);
                     workspace.ui(&context, ui, &mut requests);
                     if let Some(sheet) = sheet {
                         answer = sheet.ui(&context, ui, &mut requests);
@@ -466,7 +485,8 @@ impl Shell {
                 }
                 (Content::Flight(_), _) => {}
             }
-            requests.flight_at().into_iter().chain(requests.slices_at().iter().map(|s| s.1)).collect()
+            let pictures = requests.flight_at().into_iter().chain(requests.other_at());
+            pictures.chain(requests.slices_at().iter().map(|s| s.1)).collect()
         });
         match (output, self.workspace.take_broken()) {
             (Ok(output), false) => {
@@ -494,8 +514,10 @@ impl Shell {
         }
         self.scan.placed.flight_at = requests.flight_at().map_or([0; 4], |at| size.in_pixels(at));
         self.scan.placed.slices_at = requests.slices_at().iter().map(|(o, at)| (*o, size.in_pixels(*at))).collect();
-        self.scan.placed.views = Views { flight: requests.flight_at(), slices: requests.slices_at().to_vec() };
-        self.scan.placed.laid_out = Some((content, size));
+        self.scan.placed.other_at = requests.other_at().map_or([0; 4], |at| size.in_pixels(at));
+        let (flight, other) = (requests.flight_at(), requests.other_at());
+        self.scan.placed.views = Views { flight, other, slices: requests.slices_at().to_vec() };
+        self.scan.placed.laid_out = Some((content, beside, size));
         self.laid_out_at = Some(now);
         match answer {
             sheet::Answer::Stay => {}
@@ -551,10 +573,18 @@ impl Shell {
                 self.workspace.show_named("missed", is_shown);
             }
             Intent::Open(path, series) => self.open_scan(path, series, events),
+            Intent::OpenSecond(path, series) => {
+                self.open_second(Asked { input: Some(path), series, is_flying: true, is_whole: false, beside: None });
+            }
+            Intent::OtherPosition => {
+                if let Err(e) = self.work_in_other(now) {
+                    self.fail(e, events);
+                }
+            }
             Intent::StartAt(place) => self.start_at(place, events),
             Intent::Whole if matches!(self.scan.stage, Stage::Flying(_)) && self.scan.unflown.is_none() => {
                 let (input, series) = (self.scan.input.clone(), self.scan.series);
-                self.open_asked(Asked { input, series, is_flying: true, is_whole: true }, events);
+                self.open_asked(Asked { input, series, is_flying: true, is_whole: true, beside: None }, events);
             }
             Intent::Files => self.workspace.switch_named("open"),
             Intent::Fullscreen => self.switch_fullscreen(),
@@ -646,6 +676,7 @@ impl Shell {
             Stage::Loading(_) | Stage::Failed(_) => {}
             Stage::Over => return Ok(()),
         }
+        let is_other_new = self.other_picture(due.is_some(), now)?;
         let period = if matches!(self.scan.stage, Stage::Loading(_)) { LOADING } else { FRAME };
         // A picture that starts slightly late does not delay those after it.
         let beat = self.beat + period;
@@ -656,7 +687,7 @@ impl Shell {
             // Minimised: the flight continues, but there is nothing to paint on.
             return Ok(());
         }
-        if due.is_none() && !anew && self.scan.placed.painted == Some(layout.serial) {
+        if due.is_none() && !is_other_new && !anew && self.scan.placed.painted == Some(layout.serial) {
             return Ok(());
         }
         let shown = match &mut self.scan.stage {
@@ -664,8 +695,14 @@ impl Shell {
                 let place =
                     |(o, [x, y, ..]): &(Orientation, [usize; 4])| Some((controller.slices().entity(*o)?, (*x, *y)));
                 let slices = self.scan.placed.slices_at.iter().filter_map(place).collect();
+                let [left, top, width, height] = self.scan.placed.other_at;
+                let other = (width * height > 0).then_some((left, top));
                 if let Some(mut framebuffer) = controller.framebuffer() {
-                    framebuffer.prepare(layout, Places { flight, slices });
+                    let shown = self.other.as_ref().filter(|_| other.is_some()).and_then(OpenScan::image);
+                    if let Some(image) = shown.filter(|_| is_other_new) {
+                        framebuffer.show_other(image);
+                    }
+                    framebuffer.prepare(layout, Places { flight, other, slices });
                 }
                 let shown = controller.show(due)?;
                 if let Some(shown) = &shown {
@@ -694,7 +731,8 @@ impl Shell {
             Stage::Flying(_) => Some(self.due),
             Stage::Failed(_) | Stage::Over => None,
         };
-        stage.into_iter().chain(interface).min().map(|t| t.max(self.due))
+        let other = self.next_of_other();
+        stage.into_iter().chain(other).chain(interface).min().map(|t| t.max(self.due))
     }
 }
 
@@ -738,7 +776,7 @@ impl ApplicationHandler<Wake> for Shell {
     fn user_event(&mut self, events: &ActiveEventLoop, wake: Wake) {
         match wake {
             Wake::Loaded => {
-                if let Err(e) = self.take_off() {
+                if let Err(e) = self.take_off().and_then(|()| self.take_off_other()) {
                     self.fail(e, events);
                 }
                 self.ask_for_picture();
@@ -772,7 +810,7 @@ impl ApplicationHandler<Wake> for Shell {
                 let anew = !std::mem::take(&mut self.asked);
                 if let Err(e) = self.picture(anew, events) {
                     self.fail(e, events);
-                } else if self.scan.time_is_over() {
+                } else if self.scan.time_is_over() || self.other.as_mut().is_some_and(OpenScan::time_is_over) {
                     self.quit(events);
                 }
             }

@@ -16,7 +16,7 @@ use crate::components::output::{FrameCache, Picture};
 use crate::error::Result;
 use crate::host::frames::FrameStats;
 use crate::render::adaptive::FrameBudget;
-use crate::render::adaptive::{SAMPLES, cost, cost_shown};
+use crate::render::adaptive::{FRAME, SAMPLES, cost, cost_shown};
 use crate::render::{CameraModel, Detail, Frame, ImageSize, Light, Quality, Settings};
 use crate::schedule::note;
 
@@ -85,6 +85,8 @@ pub(crate) struct ViewRenderer {
     waiting: Vec<PictureRequest>,
     /// Time of presentations, ms.
     present_ms: f64,
+    /// True while another picture is rendered in each frame.
+    is_shared: bool,
     /// True if no picture of the flight is shown, so that it is not refined.
     hidden: bool,
     /// True if the scene has made none when it was asked for one last.
@@ -106,6 +108,7 @@ impl ViewRenderer {
             to_save: Vec::new(),
             waiting: Vec::new(),
             present_ms: 0.0,
+            is_shared: false,
             hidden: false,
             empty: false,
         })
@@ -124,6 +127,11 @@ impl ViewRenderer {
     /// Records the time of a presentation, ms.
     pub(crate) fn presented(&mut self, ms: f64) {
         self.present_ms = ms;
+    }
+
+    /// Tells whether another picture is rendered in each frame.
+    pub(crate) fn share_frames(&mut self, is_shared: bool) {
+        self.is_shared = is_shared;
     }
 
     /// Returns the last rendered image.
@@ -227,7 +235,9 @@ impl ViewRenderer {
             return Ok(beside.then(|| Due { now, rest, stays: true, begun: Instant::now() }));
         }
         self.save_waiting(flight, &now, rest);
-        let budget = self.budget.next(rest, self.present_ms, window.pixels());
+        // The other picture has half of what a frame has for pictures.
+        let shared_ms = if self.is_shared { (FRAME.as_secs_f64() * 1e3 - self.present_ms).max(0.0) * 0.4 } else { 0.0 };
+        let budget = self.budget.next(rest, self.present_ms + shared_ms, window.pixels());
         if let Some(mut picture) = flight.camera_mut::<Picture>() {
             // Rendered with the others, whether or not it can become better: a post-process may draw one into the other.
             (picture.due, picture.budget) = (true, Some(budget));

@@ -274,6 +274,11 @@ impl Workspace {
         }
     }
 
+    /// True if a panel is shown, by its name.
+    pub(crate) fn shows(&self, name: &str) -> bool {
+        self.layouts[self.layout].is_shown(name)
+    }
+
     /// True if a panel other than the flight's is shown. Such panels may show any part of the flight, so they are laid out again
     /// while it moves.
     pub(crate) fn shows_more_than_the_flight(&self) -> bool {

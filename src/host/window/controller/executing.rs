@@ -124,6 +124,8 @@ impl FlightController {
             | I::Action(_)
             | I::Own(_)
             | I::Open(..)
+            | I::OpenSecond(..)
+            | I::OtherPosition
             | I::StartAt(_)
             | I::Whole
             | I::Files

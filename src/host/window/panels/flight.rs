@@ -1,14 +1,14 @@
 //! The flight panel: the picture with its text overlays, and mouse control of the view.
 
-use egui::{Color32, Event, Painter, PointerButton, Pos2, Rect, Sense, Stroke, Ui, vec2};
+use egui::{Color32, Event, Painter, PointerButton, Pos2, Rect, Sense, Stroke, StrokeKind, Ui, vec2};
 use glam::DVec3;
 
 use super::candidates::Marking;
 use super::{Context, Panel, PanelEntry, Requests, candidates, findings, measures, notches};
 use crate::components::output::Picture;
 use crate::host::window::intent::{EndAt, Intent};
-use crate::host::window::overlay::{self, HudState};
-use crate::host::window::style::Severity;
+use crate::host::window::overlay::{self, Content, HudState};
+use crate::host::window::style::{ACCENT, Severity};
 use crate::space::first_crossing;
 
 /// Its entry in the table.
@@ -53,6 +53,17 @@ pub struct FlightPanel {
 
 impl Panel for FlightPanel {
     fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
+        // Side by side, each position stays on its side.
+        if context.shows_both && context.is_second() {
+            return other(context, ui, requests);
+        }
+        self.worked_in(context, ui, requests);
+    }
+}
+
+impl FlightPanel {
+    /// Lays out the flight that is worked in.
+    pub(super) fn worked_in(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
         let rect = ui.available_rect_before_wrap();
         if let Some(why) = context.view.unflown() {
             return overlay::unflown(&ui.painter_at(rect), rect, why, context.hud.message.as_deref());
@@ -64,10 +75,11 @@ impl Panel for FlightPanel {
         let p = ui.painter_at(rect);
         marks(context, &p, rect);
         overlay::flight(&p, rect, context.hud, context.is_headed);
+        if context.shows_both && context.other.is_some() {
+            p.rect_stroke(rect.shrink(1.0), 0.0, Stroke::new(2.0, ACCENT), StrokeKind::Inside);
+        }
     }
-}
 
-impl FlightPanel {
     /// Processes event by event, since a button may be pressed and released between two layouts.
     fn mouse(&mut self, context: &Context<'_>, ui: &Ui, rect: Rect, requests: &mut Requests) {
         let scale = f64::from(ui.pixels_per_point());
@@ -127,6 +139,35 @@ impl FlightPanel {
                 _ => {}
             }
         }
+    }
+}
+
+/// Lays out the position that is not worked in. A press into its picture is to work there.
+pub(super) fn other(context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
+    let rect = ui.available_rect_before_wrap();
+    ui.allocate_rect(rect, Sense::CLICK);
+    let Some(content) = context.other.map(|other| other.content) else { return };
+    let p = ui.painter_at(rect);
+    match (content, context.of_other()) {
+        (Content::Loading { stage, share }, _) => overlay::loading(&p, rect, stage, *share, ""),
+        (Content::Failed { text }, _) => overlay::unflown(&p, rect, text, None),
+        (Content::Flight(_), Some(own)) => {
+            if own.view.unflown().is_none() {
+                requests.show_other(rect);
+            }
+            draw_alone(&own, ui, rect, own.hud);
+            let is_here = |at| rect.contains(at) && ui.ctx().layer_id_at(at).is_none_or(|l| l == ui.layer_id());
+            // Outside the lock that egui holds on its input.
+            let events = ui.input(|i| i.events.clone());
+            let is_pressed = events.iter().any(|e| match e {
+                Event::PointerButton { pos, button: PointerButton::Primary, pressed: true, .. } => is_here(*pos),
+                _ => false,
+            });
+            if is_pressed && !egui::Popup::is_any_open(ui.ctx()) {
+                requests.ask(Intent::OtherPosition);
+            }
+        }
+        (Content::Flight(_), None) => {}
     }
 }
 

@@ -18,6 +18,7 @@ pub mod open;
 mod pictures;
 pub mod quality;
 mod rows;
+pub mod second;
 mod series;
 pub mod slices;
 
@@ -40,6 +41,7 @@ pub const BUILT_IN: &[PanelEntry] = &[
     kinds::PANEL,
     missed::PANEL,
     quality::PANEL,
+    second::PANEL,
     open::PANEL,
 ];
 

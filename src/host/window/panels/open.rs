@@ -194,20 +194,25 @@ impl FileList {
         }
         chosen
     }
+
+    /// Lays out the series of the study that is open, and the list. Returns the chosen scan, with the number of its series.
+    pub(super) fn choose(&mut self, context: &Context<'_>, ui: &mut Ui) -> Option<(PathBuf, Option<usize>)> {
+        let scrolled = ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+            let opened = context.opened.and_then(|(path, open)| {
+                let n = SeriesList::at(&mut self.series, path).of_open(open, ui)?;
+                Some((path.to_owned(), Some(n)))
+            });
+            self.ui(context.recent, ui).map(|path| (path, None)).or(opened)
+        });
+        scrolled.inner
+    }
 }
 
 impl Panel for FileList {
     fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
-        ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-            if let Some((path, open)) = context.opened
-                && let Some(n) = SeriesList::at(&mut self.series, path).of_open(open, ui)
-            {
-                requests.ask(Intent::Open(path.to_owned(), Some(n)));
-            }
-            if let Some(path) = Self::ui(self, context.recent, ui) {
-                requests.open(path);
-            }
-        });
+        if let Some((path, series)) = self.choose(context, ui) {
+            requests.ask(Intent::Open(path, series));
+        }
     }
 }
 

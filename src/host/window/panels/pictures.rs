@@ -12,6 +12,7 @@ use egui::{Event, Modifiers, PointerButton, Pos2, RawInput, Rect, Ui};
 use glam::DVec3;
 
 use super::open::{FileList, Listing};
+use super::second::SecondPanel;
 use super::series::SeriesList;
 use super::*;
 use crate::app::{FlightRequest, OpenOptions, Scan, Scene};
@@ -19,7 +20,7 @@ use crate::components::slices::SliceView;
 use crate::host::settings::KeySettings;
 use crate::host::window::action::Actions;
 use crate::host::window::background::Background;
-use crate::host::window::contract::WindowView;
+use crate::host::window::contract::{Other, WindowView};
 use crate::host::window::controller::FlightController;
 use crate::host::window::controller::tests::wish;
 use crate::host::window::directions::Directions;
@@ -27,7 +28,7 @@ use crate::host::window::intent::{FindingEdit, FindingOf, Intent, SliceInput};
 use crate::host::window::interface::{Interface, WindowSize};
 use crate::host::window::layer::{Placed, compose};
 use crate::host::window::layouts::LAYOUTS;
-use crate::host::window::overlay::{self, HudState};
+use crate::host::window::overlay::{self, Content, HudState};
 use crate::host::window::painter::Artist;
 use crate::host::window::place::Bar;
 use crate::host::window::sheet::Sheet;
@@ -54,6 +55,8 @@ struct Stage {
     size: WindowSize,
     hud: HudState,
     recent: Vec<PathBuf>,
+    /// True while the patient's other position is being read beside it.
+    is_beside: bool,
 }
 
 impl Stage {
@@ -85,7 +88,7 @@ impl Stage {
             FlightController::new(flight, Background::new(Arc::new(|| {})), Vec::new(), Rc::clone(&actions)).unwrap();
         let (interface, size) = (Interface::new(), WindowSize { pixels, scale });
         let recent = ["/scans/prone.nii.gz", "/scans/supine"].map(PathBuf::from).to_vec();
-        Self { controller, actions, interface, artist: Artist::new(), size, hud, recent }
+        Self { controller, actions, interface, artist: Artist::new(), size, hud, recent, is_beside: false }
     }
 
     /// Lays out after some events.
@@ -94,7 +97,10 @@ impl Stage {
         events: Vec<Event>,
         draw: &mut dyn FnMut(&Context<'_>, &mut Ui, &mut Requests),
     ) -> (Frame, Requests) {
+        let loading = Content::Loading { stage: "reading".to_owned(), share: Some(0.4) };
+        let other = Other { content: &loading, view: None, opened: None, is_first: false };
         let context = Context::new(&self.controller, &self.actions, &self.recent, &self.hud);
+        let context = context.beside(Some(other).filter(|_| self.is_beside), self.is_beside);
         let mut requests = Requests::default();
         let laid_out =
             self.interface.lay_out(RawInput { events, ..RawInput::default() }, self.size, Instant::now(), |ui| {
@@ -150,7 +156,10 @@ impl Stage {
     /// Returns the picture of a layout.
     fn layout(&mut self, name: &str) -> Frame {
         let mut workspace = Workspace::new(BUILT_IN, Some(name), None).0;
-        self.picture(|context, ui, requests| workspace.ui(context, ui, requests))
+        self.is_beside = name == "both";
+        let picture = self.picture(|context, ui, requests| workspace.ui(context, ui, requests));
+        self.is_beside = false;
+        picture
     }
 
     /// Returns the picture of a panel that fills the window.
@@ -206,7 +215,11 @@ fn every_panel_looks_as_it_did() {
     let start = stage.controller.flight().pose().position;
     for entry in BUILT_IN {
         // The listed files differ between machines.
-        let mut panel = if entry.name == "open" { Box::new(scans()) } else { (entry.make)() };
+        let mut panel: Box<dyn Panel> = match entry.name {
+            "open" => Box::new(scans()),
+            "second" => Box::new(SecondPanel::of(scans())),
+            _ => (entry.make)(),
+        };
         hold(entry.name, &stage.panel(&mut *panel));
     }
     // Two distances, and one that is incomplete.

@@ -10,7 +10,7 @@ use crate::components::slices::Orientation;
 use crate::error::{Error, Result, program_name};
 use crate::host::log::Log;
 use crate::host::window::assistant::Assistant;
-use crate::host::window::contract::{WindowView, scan_name};
+use crate::host::window::contract::{Other, WindowView, scan_name};
 use crate::host::window::controller::FlightController;
 use crate::host::window::framebuffer::Framebuffer;
 use crate::host::window::interface::WindowSize;
@@ -22,6 +22,7 @@ use crate::host::window::present_timer::PresentTimer;
 use crate::host::window::{Finish, Opening, Resume, Shown};
 use crate::output;
 use crate::progress::Progress;
+use crate::render::Frame;
 
 /// What becomes of a scan.
 pub(super) enum Stage {
@@ -35,13 +36,15 @@ pub(super) enum Stage {
 /// Where a scan is shown in the window.
 #[derive(Default)]
 pub(super) struct Placed {
-    /// The content and window size of the last layout. A new layout is needed if they differ.
-    pub laid_out: Option<(Content, WindowSize)>,
+    /// The content, that of the other position and the window size of the last layout. A new layout is needed if they differ.
+    pub laid_out: Option<(Content, Option<Content>, WindowSize)>,
     /// Rectangle of the flight's picture in the window, pixels: left, top, width, height.
     pub flight_at: [usize; 4],
+    /// The same for the picture of the patient's other position.
+    pub other_at: [usize; 4],
     /// The same for the slices.
     pub slices_at: Vec<(Orientation, [usize; 4])>,
-    /// Both, in points.
+    /// All of them, in points.
     pub views: Views,
     /// Serial number of the displayed layout.
     pub painted: Option<u64>,
@@ -57,6 +60,8 @@ pub(super) struct OpenScan {
     pub series: Option<usize>,
     /// True if this is the scan that the window was opened with.
     pub is_first: bool,
+    /// True if it is the patient's second position, beside the one that was opened first.
+    pub is_second: bool,
     /// Set while it is shown although it cannot be flown.
     pub unflown: Option<Unflown>,
     pub resume: Resume,
@@ -84,6 +89,7 @@ impl OpenScan {
             input: opening.input,
             series: opening.series,
             is_first,
+            is_second: false,
             unflown: None,
             resume: opening.resume,
             keeping: None,
@@ -160,6 +166,21 @@ impl OpenScan {
                 Ok(())
             }
         }
+    }
+
+    /// Returns it for panels, as the position that is not worked in.
+    pub(super) fn beside<'a>(&'a self, content: &'a Content) -> Other<'a> {
+        let view = match &self.stage {
+            Stage::Flying(c) => Some(&**c as &dyn WindowView),
+            Stage::Loading(_) | Stage::Failed(_) | Stage::Over => None,
+        };
+        let opened = self.input.as_deref().map(|path| (path, self.series));
+        Other { content, view, opened, is_first: !self.is_second }
+    }
+
+    /// Returns the last picture of its flight.
+    pub(super) fn image(&self) -> Option<&Frame> {
+        if let Stage::Flying(c) = &self.stage { c.image() } else { None }
     }
 
     /// Returns the title of the window: the scan, and the program.

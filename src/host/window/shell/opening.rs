@@ -23,7 +23,7 @@ impl Shell {
             return;
         }
         let is_flying = matches!(self.scan.stage, Stage::Flying(_)) && self.scan.unflown.is_none();
-        self.open_asked(Asked { input: Some(path), series, is_flying, is_whole: false }, events);
+        self.open_asked(Asked { input: Some(path), series, is_flying, is_whole: false, beside: None }, events);
     }
 
     /// Opens a scan instead of the open one.
@@ -75,7 +75,7 @@ impl Shell {
         // It was about the scan that was open.
         self.sheet = None;
         if let Some(framebuffer) = &mut self.framebuffer {
-            framebuffer.forget_slices();
+            framebuffer.forget_pictures();
         }
     }
 }

@@ -34,6 +34,35 @@ impl Frame {
     pub(super) fn direction(&self, angle: f64) -> DVec3 {
         self.normal * angle.cos() + self.tangent.cross(self.normal) * angle.sin()
     }
+
+    /// Returns the angle of a direction, radians.
+    pub(super) fn angle(&self, direction: DVec3) -> f64 {
+        direction.dot(self.tangent.cross(self.normal)).atan2(direction.dot(self.normal))
+    }
+
+    /// Returns a direction's components along angle 0, along a right angle, and along the line.
+    pub(super) fn components(&self, direction: DVec3) -> DVec3 {
+        DVec3::new(
+            direction.dot(self.normal),
+            direction.dot(self.tangent.cross(self.normal)),
+            direction.dot(self.tangent),
+        )
+    }
+
+    /// Returns the direction with these components.
+    pub(super) fn of_components(&self, c: DVec3) -> DVec3 {
+        self.normal * c.x + self.tangent.cross(self.normal) * c.y + self.tangent * c.z
+    }
+
+    /// Returns the frame at a share of the way to the next one.
+    fn to(&self, next: &Self, share: f64) -> Self {
+        let tangent = self.tangent.lerp(next.tangent, share).try_normalize().unwrap_or(self.tangent);
+        let normal = self.normal.lerp(next.normal, share);
+        let normal = (normal - tangent * normal.dot(tangent))
+            .try_normalize()
+            .unwrap_or_else(|| tangent.any_orthonormal_vector());
+        Self { at: self.at.lerp(next.at, share), tangent, normal }
+    }
 }
 
 /// The wall over distance and angle. Rows are [`STEP_MM`] apart.
@@ -73,6 +102,22 @@ impl WallImage {
             })
             .collect();
         Some(Self { frames, radius_mm, is_open })
+    }
+
+    /// Returns the frame at a distance along the line, mm, between those of rows.
+    pub(super) fn frame(&self, mm: f64) -> Option<Frame> {
+        let last = self.frames.len().checked_sub(1)?;
+        let row = (mm / STEP_MM).clamp(0.0, last as f64);
+        let (low, high) = (row.floor() as usize, row.ceil() as usize);
+        Some(self.frames[low].to(&self.frames[high], row - row.floor()))
+    }
+
+    /// Returns the distance from the line to the wall at a distance along it and in the direction of an angle, mm.
+    pub(super) fn radius_at(&self, mm: f64, angle: f64) -> f64 {
+        let Some(last) = self.rows().checked_sub(1) else { return 0.0 };
+        let row = (mm / STEP_MM).round().clamp(0.0, last as f64) as usize;
+        let column = (angle.rem_euclid(TAU) / TAU * ANGLES as f64).round() as usize % ANGLES;
+        f64::from(self.row(row)[column])
     }
 
     /// Number of rows.

@@ -5,6 +5,7 @@
 
 mod align;
 mod image;
+mod place;
 
 use std::f64::consts::TAU;
 
@@ -13,6 +14,7 @@ use crate::error::Result;
 use crate::progress::Progress;
 use align::{Paired, align};
 use image::{STEP_MM, WallImage};
+pub use place::{Match, Posed, Side};
 
 /// Distance between the pairs of [`Matching::pairs`], mm.
 const PAIRS_MM: f64 = 4.0;
@@ -20,12 +22,13 @@ const PAIRS_MM: f64 = 4.0;
 /// Places of one colon and those of another that belong together. `A` is the first, `B` the second.
 #[derive(Clone, Debug)]
 pub struct Matching {
+    walls: [WallImage; 2],
     /// For each row of `A`.
     paired: Vec<Paired>,
     lengths_mm: [f64; 2],
     /// Stretches of each that are collapsed (from, to; mm along).
     gaps: [Vec<[f64; 2]>; 2],
-    /// True if the line of `B` runs from the cecum: turns are about it from the rectum all the same.
+    /// True if the line of `B` runs from the cecum: its wall is from the rectum all the same.
     is_reversed: bool,
 }
 
@@ -54,7 +57,7 @@ impl Matching {
         }
         let gaps = [a.1, b.1].map(|along| along.guessed().to_vec());
         let lengths_mm = [&first, &second].map(|i| (i.rows().max(1) - 1) as f64 * STEP_MM);
-        Ok(Some(Self { paired, lengths_mm, gaps, is_reversed }))
+        Ok(Some(Self { walls: [first, second], paired, lengths_mm, gaps, is_reversed }))
     }
 
     /// Returns distances along `A` and `B` that belong together, with the uncertainty of the second, mm. Both grow from pair to
