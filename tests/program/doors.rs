@@ -33,6 +33,7 @@ const ELSEWHERE: &[(&str, &str, &str)] = &[
     ("src/imaging/render/factory.rs", "(preset.make)(volume, settings, reuse)", "whoever calls `renderer` has one"),
     ("src/cli/own.rs", "(self.augment)(", "derived by clap, before there is anything to name"),
     ("src/host/window/panels/candidates.rs", "(view.find)(", "a closure of this crate"),
+    ("src/host/window/panels/expected.rs", "(view.find)(", "a closure of this crate"),
     ("src/host/window/panels/findings.rs", "(view.find)(", "a closure of this crate"),
     ("src/host/window/workspace.rs", "shown.panel.ui(", "inside a `catch` of several lines"),
     ("src/cli/candidates/gallery.rs", "renderer.render(", "always the default preset"),

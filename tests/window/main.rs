@@ -23,6 +23,7 @@ use support::xvfb;
 #[cfg(feature = "dicom")]
 mod archive;
 mod findings;
+mod positions;
 #[cfg(feature = "dicom")]
 mod sitting;
 

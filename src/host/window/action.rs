@@ -52,7 +52,7 @@ pub(crate) const OWN: &str = "";
 
 /// The menus: actions by their ids. An id that ends in `-` includes all ids with that prefix.
 pub(crate) const MENUS: &[(&str, &[&str])] = &[
-    ("File", &["open", "position", "screenshot", "picture", "quit"]),
+    ("File", &["open", "position", "same-place", "link", "screenshot", "picture", "quit"]),
     ("Flight", &["pause", "guide", "guide-", "reverse", "whole", "next", "other-end", "faster", "slower", OWN]),
     (
         "View",
@@ -79,6 +79,7 @@ pub(crate) const MENUS: &[(&str, &[&str])] = &[
             "finding-outside",
             "finding-measured",
             "finding-correct",
+            "finding-apart",
             "finding-delete",
             "panel-findings",
             "report",

@@ -115,7 +115,9 @@ fn table() -> Vec<Action> {
         shared(SLAB_ROW, "slab-kind", "projection of a slab: mean, maximum, minimum", "Ctrl+6", I::SlabKind),
         action("slices-reset", "slices: reset", "Ctrl+9", I::ResetSlices),
         action("open", "open another scan", "Ctrl+O", I::Files),
-        action("position", "work in the patient's other position", "O", I::OtherPosition),
+        shared(POSITION_ROW, "position", "work in the patient's other position", "O", I::OtherPosition),
+        shared(POSITION_ROW, "same-place", "go to the same place in the other position", "F7", I::SamePlace),
+        shared(POSITION_ROW, "link", "fly both positions together, or stop that", "F8", I::Link),
         action("measure", "measure a distance with two clicks, stop measuring", "M C", I::Measure),
         shared(STEP_ROW, "candidate-next", "next candidate", "Enter", I::Step(true)),
         shared(STEP_ROW, "candidate-previous", "previous candidate", "Ctrl+Enter", I::Step(false)),
@@ -132,6 +134,7 @@ fn table() -> Vec<Action> {
             I::Finding(FindingOf::Measured),
         ),
         action("finding-correct", "measure the diameter of the chosen finding by hand", "", I::MeasureFinding(None)),
+        action("finding-apart", "part the chosen finding from that of the other position", "", I::PartFinding(None)),
         action("finding-delete", "delete the chosen finding", "", I::DeleteFinding(None)),
         action("report", "write the report of this reading", "Ctrl+X", I::Report),
         action("report-send", "send the report of this reading to the archive", "", I::SendReport(0)),
@@ -168,6 +171,8 @@ const SPEED_ROW: &str = "faster, slower";
 const WINDOW_ROW: &str = "window: colon, soft tissue, bone, lung";
 /// Row of the help for the wall that was not seen.
 const SEEN_ROW: &str = "wall not seen: paint it, next missed patch, review all";
+/// Row of the help for the patient's two positions.
+const POSITION_ROW: &str = "other position: work in it, at the same place, fly both";
 /// Row of the help for the keys of thick slices.
 const SLAB_ROW: &str = "slices: slab thickness, projection";
 

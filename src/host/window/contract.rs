@@ -16,6 +16,7 @@ use super::intent::{Intent, SliceInput, WhyNot};
 use super::kinds::Kinds;
 use super::measures::Measures;
 use super::overlay::{Content, HudState};
+use super::pairing::{Expected, Pairing, Twice};
 use super::quality::QualityTool;
 use super::reporting::Reporting;
 use super::seen::Seen;
@@ -25,6 +26,7 @@ use crate::app::findings::Findings;
 use crate::components::input::Command;
 use crate::components::slices::{Orientation, SliceView};
 use crate::error::program_name;
+use crate::fields::matching::Side;
 use crate::schedule::note;
 
 /// What the embedded phantom is called.
@@ -121,6 +123,8 @@ pub struct Context<'a> {
     pub(super) other: Option<Other<'a>>,
     /// True if the panel of the second position is shown.
     pub(super) shows_both: bool,
+    /// What the positions have in common, and which of them this is.
+    pub(super) pairing: Option<(&'a Pairing, Side)>,
 }
 
 /// The patient's position that is not worked in.
@@ -152,6 +156,7 @@ impl<'a> Context<'a> {
             is_headed: false,
             other: None,
             shows_both: false,
+            pairing: None,
         }
     }
 
@@ -166,15 +171,28 @@ impl<'a> Context<'a> {
     }
 
     /// Adds the patient's other position. `shows_both` tells whether the panel of the second one is shown.
-    pub(super) fn beside(self, other: Option<Other<'a>>, shows_both: bool) -> Self {
-        Self { other, shows_both, ..self }
+    pub(super) fn beside(self, other: Option<Other<'a>>, shows_both: bool, pairing: &'a Pairing) -> Self {
+        let side = if other.is_some_and(|other| other.is_first) { Side::B } else { Side::A };
+        Self { other, shows_both, pairing: other.map(|_| (pairing, side)), ..self }
+    }
+
+    /// Returns what the other position lets expect in this one.
+    pub(super) fn expected(&self) -> &'a [Expected] {
+        self.pairing.map_or(&[], |(pairing, side)| pairing.expected(side))
+    }
+
+    /// Returns what a candidate, by its number from 0, is in the other position.
+    pub(super) fn twice(&self, candidate: usize) -> Option<Twice> {
+        let (pairing, side) = self.pairing?;
+        pairing.twice(side).get(candidate).copied().flatten()
     }
 
     /// Returns the same of the other position, with its state for display; `None` if there is none, or if it is not ready.
     pub(super) fn of_other(&self) -> Option<Self> {
         let other = self.other?;
         let (Some(view), Content::Flight(hud)) = (other.view, other.content) else { return None };
-        Some(Self { opened: other.opened, ..Self::new(view, self.actions, self.recent, hud) })
+        let pairing = self.pairing.map(|(pairing, side)| (pairing, side.other()));
+        Some(Self { opened: other.opened, pairing, ..Self::new(view, self.actions, self.recent, hud) })
     }
 
     /// True if the second position is worked in, and not the first.

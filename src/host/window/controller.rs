@@ -7,6 +7,7 @@ mod faults;
 mod finding;
 mod history;
 mod looking;
+mod pairing;
 mod pointing;
 mod resting;
 mod saving;
@@ -600,6 +601,16 @@ impl FlightController {
             Err(e) => self.say(format!("{}: {}", e.what, e.why), now),
         }
         self.slices.patch(self.cleansing.other(&self.flight));
+    }
+
+    /// True once the first picture was shown and nothing waits for the scan to be its only holder: others may hold it, too.
+    pub(crate) fn is_settled(&self) -> bool {
+        self.has_shown && self.unflown.is_none() && !self.cleansing.is_waiting()
+    }
+
+    /// Goes on as if the first picture had been shown: the other position is compared whether or not it is shown.
+    pub(crate) fn count_as_shown(&mut self) {
+        self.has_shown = true;
     }
 
     /// Returns what is known of the scan without tag.

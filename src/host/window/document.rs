@@ -197,6 +197,15 @@ impl Document {
         self.keep()
     }
 
+    /// Notes where a finding is in the other position, whose scan has this hash, without a step of the history; `None` parts them.
+    ///
+    /// # Errors
+    /// Returns status 5 if it cannot be stored.
+    pub(crate) fn pair(&mut self, id: &str, place: DVec3, other: Option<DVec3>, second: &str) -> Result<()> {
+        self.found.second = Some(second.to_owned());
+        self.complete(id, place, |f| f.other = other)
+    }
+
     /// Stores the quality of the segments, which is no change of the reader's.
     ///
     /// # Errors

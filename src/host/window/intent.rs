@@ -172,6 +172,12 @@ pub(crate) enum Intent {
     OpenSecond(PathBuf, Option<usize>),
     /// Work in the patient's other position.
     OtherPosition,
+    /// Go to the same place in the other position, and work there.
+    SamePlace,
+    /// Fly both positions together, or stop that.
+    Link,
+    /// Part a finding from that of the other position, by its number or the chosen one.
+    PartFinding(Option<usize>),
     /// Start a flight in the gas at a place, world mm, of a scan that is shown without one.
     StartAt(DVec3),
     /// Open the scan anew, for one flight through the whole colon.

@@ -37,6 +37,7 @@ mod overlay;
 mod overlays;
 mod own_action;
 mod painter;
+mod pairing;
 pub mod panels;
 mod photograph;
 mod place;

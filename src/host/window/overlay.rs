@@ -1,10 +1,10 @@
 //! Text and symbols that a window shows over its image, and their layout.
 
-use egui::{Align2, Color32, Painter, Pos2, Rect, Vec2, pos2, vec2};
+use egui::{Align2, Color32, Painter, Pos2, Rect, Stroke, StrokeKind, Vec2, pos2, vec2};
 
 use super::directions::Directions;
 use super::place::Bar;
-use super::style::{ACCENT, DISCLAIMER, INK, LABEL, SOFT, Severity, TEXT, font, label, text};
+use super::style::{ACCENT, DISCLAIMER, EXPECTED, INK, LABEL, SOFT, Severity, TEXT, font, label, text};
 use crate::app::overlay::{Align, Colour, Mark, Place2};
 
 const MARGIN: f32 = 10.0;
@@ -274,6 +274,10 @@ fn along(p: &Painter, track: Rect, bar: &Bar) {
     }
     for &read in &bar.read {
         p.rect_filled(stretch(read), 3.0, ACCENT);
+    }
+    if let Some(expected) = bar.expected {
+        let rect = stretch(expected).expand2(vec2(0.0, 2.0));
+        p.rect_stroke(rect, 2.0, Stroke::new(1.5, EXPECTED), StrokeKind::Outside);
     }
     let tick = |per_mille: u32, size: Vec2, colour: Color32| {
         p.rect_filled(Rect::from_center_size(pos2(at(per_mille), track.center().y), size), 0.0, colour);

@@ -55,6 +55,8 @@ pub(crate) struct Bar {
     pub parts: Vec<(u32, &'static str)>,
     /// Where the guide called the operator.
     pub calls: Vec<u32>,
+    /// The stretch where the other position's camera is, with a probability of 90 %.
+    pub expected: Option<[u32; 2]>,
 }
 
 /// A place of the line that the bar was clicked at.
@@ -181,7 +183,14 @@ impl Place {
             guessed: stretches(along.guessed()),
             parts: along.parts().iter().map(|p| (share(p.to_mm), p.name)).collect(),
             calls,
+            expected: None,
         })
+    }
+
+    /// Returns a stretch of the bar, from and to in mm along the colon; `None` if the measure is not known.
+    pub(crate) fn stretch(&self, flight: &FlightApp, mm: [f64; 2]) -> Option<[u32; 2]> {
+        let length = self.whole(flight)?.length_mm().max(1.0);
+        Some(mm.map(|mm| (mm / length * 1000.0).round().clamp(0.0, 1000.0) as u32))
     }
 
     /// Returns the place at a share of the bar; `None` if the measure is not known.

@@ -29,6 +29,7 @@ use super::keys::HeldKeys;
 use super::loading::Ready;
 use super::overlay::{self, Content};
 use super::own_action::OwnActions;
+use super::pairing::Pairing;
 use super::panels::open::FileList;
 use super::photograph::Views;
 use super::placement::Placement;
@@ -77,6 +78,8 @@ pub(crate) struct Shell {
     scan: OpenScan,
     /// The patient's other position.
     other: Option<OpenScan>,
+    /// What both positions have in common.
+    pairing: Pairing,
     /// A second position that is opened once the first one is shown.
     second: Option<Asked>,
     window: Option<Rc<Window>>,
@@ -153,6 +156,7 @@ impl Shell {
         Ok(Self {
             scan,
             other: None,
+            pairing: Pairing::new(Instant::now()),
             second: launch.second,
             window: None,
             framebuffer: None,
@@ -464,13 +468,13 @@ impl Shell {
         let (file_list, mut chosen) = (&mut self.file_list, None);
         let (opening, series) = (self.scan.input.as_deref(), self.scan.series);
         let other = self.other.as_ref().zip(beside.as_ref()).map(|(other, content)| other.beside(content));
-        let shows_both = workspace.shows("second");
+        let (shows_both, pairing) = (workspace.shows("second"), &self.pairing);
         let choices = if let Stage::Failed(e) = stage { &e.choices[..] } else { &[] };
         let output = self.interface.lay_out(input.take_egui_input(window), size, now, |ui| {
             match (&content, stage) {
                 (Content::Flight(hud), Stage::Flying(controller)) => {
                     let context = Context::new(&**controller, actions, recent, hud).of_scan(opening, series);
-                    let context = context.headed(workspace.is_headed()).beside(other, shows_both);
+                    let context = context.headed(workspace.is_headed()).beside(other, shows_both, pairing);
                     workspace.ui(&context, ui, &mut requests);
                     if let Some(sheet) = sheet {
                         answer = sheet.ui(&context, ui, &mut requests);
@@ -539,10 +543,14 @@ impl Shell {
     /// Does what the operator wants, by whatever key, button or panel.
     fn execute(&mut self, intent: Intent, now: Instant, events: &ActiveEventLoop) {
         let moment = self.moment(now);
+        let marked = matches!(intent, Intent::Finding(_)).then(|| self.count_findings());
         let left = match &mut self.scan.stage {
             Stage::Flying(c) => c.execute(intent, moment),
             Stage::Loading(_) | Stage::Failed(_) | Stage::Over => Some(intent),
         };
+        if let Some(before) = marked {
+            self.pair_new_finding(before, now);
+        }
         if let Some(left) = left {
             self.execute_own(left, now, events);
         }
@@ -576,11 +584,17 @@ impl Shell {
             Intent::OpenSecond(path, series) => {
                 self.open_second(Asked { input: Some(path), series, is_flying: true, is_whole: false, beside: None });
             }
-            Intent::OtherPosition => {
-                if let Err(e) = self.work_in_other(now) {
+            Intent::OtherPosition | Intent::SamePlace => {
+                let done = match intent {
+                    Intent::SamePlace => self.same_place(now),
+                    _ => self.work_in_other(now),
+                };
+                if let Err(e) = done {
                     self.fail(e, events);
                 }
             }
+            Intent::Link => self.link(now),
+            Intent::PartFinding(n) => self.part_finding(n, now),
             Intent::StartAt(place) => self.start_at(place, events),
             Intent::Whole if matches!(self.scan.stage, Stage::Flying(_)) && self.scan.unflown.is_none() => {
                 let (input, series) = (self.scan.input.clone(), self.scan.series);

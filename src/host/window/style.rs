@@ -14,6 +14,8 @@ pub(crate) const INK: Color32 = Color32::from_rgb(240, 240, 240);
 pub(crate) const SOFT: Color32 = Color32::from_rgb(190, 196, 204);
 /// Colour of highlights.
 pub(crate) const ACCENT: Color32 = Color32::from_rgb(96, 190, 255);
+/// Colour of what the patient's other position lets expect.
+pub(crate) const EXPECTED: Color32 = Color32::from_rgb(214, 160, 255);
 
 /// The urgency of a state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

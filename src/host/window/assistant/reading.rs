@@ -49,6 +49,11 @@ impl Reading {
         self.facts = facts;
     }
 
+    /// Sets the scores of those that were found in both positions, by their numbers from 0.
+    pub(crate) fn raise(&mut self, scores: impl Iterator<Item = f64>) {
+        self.facts.iter_mut().zip(scores).for_each(|(facts, score)| facts.score = score);
+    }
+
     /// Returns what the list shows.
     pub(crate) fn showing(&self) -> Showing {
         self.showing
@@ -215,7 +220,7 @@ mod tests {
     fn a_reading_follows_the_list_as_it_is_shown() {
         let mut r = Reading::open(places(), &[]);
         let sizes = [4.0, 12.0, 7.0];
-        r.know(sizes.map(|mm| Facts { along: None, diameter_mm: Some(mm) }).to_vec());
+        r.know(sizes.map(|mm| Facts { along: None, diameter_mm: Some(mm), score: 0.0 }).to_vec());
         r.show(Showing { least_mm: 6, ..Showing::default() });
         assert_eq!([r.step(true), r.step(true), r.step(true), r.step(false)], [Some(1), Some(2), Some(1), Some(2)]);
         r.show(Showing { hides_answered: true, ..r.showing() });

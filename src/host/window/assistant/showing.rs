@@ -31,11 +31,14 @@ pub struct Showing {
 pub(crate) struct Facts {
     pub(crate) along: Option<AlongColon>,
     pub(crate) diameter_mm: Option<f64>,
+    /// Its score; that of both positions if it was found twice.
+    pub(crate) score: f64,
 }
 
 impl Facts {
     pub(super) fn of(entry: &Entry) -> Self {
-        Self { along: entry.along, diameter_mm: entry.candidate.lesion.as_ref().map(|l| l.diameter_mm) }
+        let diameter_mm = entry.candidate.lesion.as_ref().map(|l| l.diameter_mm);
+        Self { along: entry.along, diameter_mm, score: entry.candidate.score }
     }
 
     /// True if the diameter, as lists tell it, is at least so large.
@@ -68,9 +71,10 @@ impl Showing {
             current == Some(n) || (facts(n).is_from(self.least_mm) && !(self.hides_answered && is_answered(n)))
         };
         let mut list: Vec<usize> = (0..count).filter(is_listed).collect();
-        if self.order == Order::Along {
-            // Those at one place stay in the order of their scores.
-            list.sort_by(|&a, &b| facts(a).by_place(&facts(b)));
+        // Those that are alike stay in the order of the list.
+        match self.order {
+            Order::Score => list.sort_by(|&a, &b| facts(b).score.total_cmp(&facts(a).score)),
+            Order::Along => list.sort_by(|&a, &b| facts(a).by_place(&facts(b))),
         }
         list
     }
@@ -84,22 +88,26 @@ mod tests {
     fn a_list_is_ordered_and_filtered() {
         let along = |segment, mm, part| Some(AlongColon { segment, mm, part, is_guessed: false });
         let facts = |n: usize| match n {
-            0 => Facts { along: along(1, 700.0, Some("cecum")), diameter_mm: Some(5.96) },
-            1 => Facts { along: along(2, 90.0, Some("sigmoid")), diameter_mm: Some(12.0) },
-            2 => Facts { along: None, diameter_mm: None },
-            _ => Facts { along: along(0, 90.0, Some("sigmoid")), diameter_mm: Some(5.9) },
+            0 => Facts { along: along(1, 700.0, Some("cecum")), diameter_mm: Some(5.96), score: 0.9 },
+            1 => Facts { along: along(2, 90.0, Some("sigmoid")), diameter_mm: Some(12.0), score: 0.8 },
+            2 => Facts { along: None, diameter_mm: None, score: 0.7 },
+            _ => Facts { along: along(0, 90.0, Some("sigmoid")), diameter_mm: Some(5.9), score: 0.7 },
         };
         let list = |showing: Showing, current| showing.list(4, facts, |n| n == 1, current);
         let all = Showing::default();
         let by_place = Showing { order: Order::Along, ..all };
         assert_eq!(list(all, None), [0, 1, 2, 3]);
         assert_eq!(list(by_place, None), [1, 3, 0, 2]);
+        // One that was found in both positions rises.
+        let risen = |n: usize| Facts { score: if n == 3 { 0.95 } else { facts(n).score }, ..facts(n) };
+        assert_eq!(all.list(4, risen, |_| false, None), [3, 0, 1, 2]);
         // As the list tells it, the first is 6.0 mm wide.
         assert_eq!(list(Showing { least_mm: 6, ..by_place }, None), [1, 0, 2]);
         let open = Showing { hides_answered: true, ..by_place };
         assert_eq!((list(open, None), list(open, Some(1))), (vec![3, 0, 2], vec![1, 3, 0, 2]));
         // Without an order of the segments, each has a measure of its own.
-        let alone = |n: usize| Facts { along: along(2 - n, [10.0, 90.0, 50.0][n], None), diameter_mm: None };
+        let alone =
+            |n: usize| Facts { along: along(2 - n, [10.0, 90.0, 50.0][n], None), diameter_mm: None, score: 0.0 };
         assert_eq!(by_place.list(3, alone, |_| false, None), [2, 1, 0]);
     }
 }

@@ -126,6 +126,9 @@ impl FlightController {
             | I::Open(..)
             | I::OpenSecond(..)
             | I::OtherPosition
+            | I::SamePlace
+            | I::Link
+            | I::PartFinding(_)
             | I::StartAt(_)
             | I::Whole
             | I::Files
@@ -168,7 +171,9 @@ impl FlightController {
             I::Report => self.reporting.why_not().map_or(Ok(()), |why| Err(why.into())),
             I::SendReport(n) => self.reporting.why_not_sent(*n).map_or(Ok(()), |why| Err(why.into())),
             I::Finding(FindingOf::Measured) if !self.has_measured() => Err("nothing is measured".into()),
-            I::MeasureFinding(None) | I::DeleteFinding(None) if self.chosen_finding().is_none() => {
+            I::MeasureFinding(None) | I::DeleteFinding(None) | I::PartFinding(None)
+                if self.chosen_finding().is_none() =>
+            {
                 Err("no finding is chosen".into())
             }
             I::UndoAnswer if !self.document.may_undo_answers() => Err("no answer was changed".into()),

@@ -12,7 +12,8 @@ use crate::host::window::assistant::{
     Assistant, Entry, Found, Measured, Order, Reading, SIDE, Said, Showing, State, answer_text,
 };
 use crate::host::window::intent::{FindingOf, Intent};
-use crate::host::window::style::{ACCENT, INK, SOFT, Severity, TEXT, text};
+use crate::host::window::pairing::Twice;
+use crate::host::window::style::{ACCENT, EXPECTED, INK, SOFT, Severity, TEXT, text};
 use crate::polyps::EVIDENCE;
 use crate::polyps::answers::Answer;
 
@@ -120,7 +121,7 @@ impl CandidatesPanel {
         }
         let shown = assistant.reading().shown();
         self.order(assistant.reading(), shown.len(), ui, requests);
-        self.list(assistant, found, &shown, ui, requests);
+        self.list(context, assistant, &shown, ui, requests);
     }
 
     /// Lays out the order of the list, what it leaves out, and how many it shows.
@@ -219,7 +220,15 @@ impl CandidatesPanel {
         }
     }
 
-    fn list(&mut self, assistant: &Assistant, found: &Found, shown: &[usize], ui: &mut Ui, requests: &mut Requests) {
+    fn list(
+        &mut self,
+        context: &Context<'_>,
+        assistant: &Assistant,
+        shown: &[usize],
+        ui: &mut Ui,
+        requests: &mut Requests,
+    ) {
+        let Some(found) = assistant.found() else { return };
         let reading = assistant.reading();
         let step = ROW + ui.spacing().item_spacing.y;
         let mut area = ScrollArea::vertical().auto_shrink(false);
@@ -245,7 +254,8 @@ impl CandidatesPanel {
                     Color32::WHITE,
                 );
                 let said = reading.said(n);
-                words(&p, image.right_top() + vec2(8.0, -1.0), n, entry, rect.width() < NARROW, said);
+                let told = Told { said, twice: context.twice(n), is_narrow: rect.width() < NARROW };
+                words(&p, image.right_top() + vec2(8.0, -1.0), n, entry, told);
                 if row.clicked() {
                     requests.ask(Intent::Select(n));
                 }
@@ -264,10 +274,20 @@ impl CandidatesPanel {
     }
 }
 
+/// What else is told of a candidate.
+#[derive(Clone, Copy)]
+struct Told<'a> {
+    said: Option<&'a Said>,
+    /// What it is in the patient's other position.
+    twice: Option<Twice>,
+    is_narrow: bool,
+}
+
 /// Draws what is known of a candidate, line by line; in a narrow row one thing in each. The painter cuts off what is too long.
-fn words(p: &Painter, at: Pos2, n: usize, entry: &Entry, is_narrow: bool, said: Option<&Said>) {
+fn words(p: &Painter, at: Pos2, n: usize, entry: &Entry, Told { said, twice, is_narrow }: Told<'_>) {
     let head = text(p, at, Align2::LEFT_TOP, &format!("{}", n + 1), 17.0, INK);
-    let score = format!("{}{:.2}", if is_narrow { "" } else { "score " }, entry.candidate.score);
+    let score =
+        format!("{}{:.2}", if is_narrow { "" } else { "score " }, twice.map_or(entry.candidate.score, |t| t.score));
     let score = text(p, pos2(head.max.x + 8.0, head.max.y - 1.0), Align2::LEFT_BOTTOM, &score, TEXT, SOFT);
     if let Some(answer) = said.and_then(|s| s.answer) {
         let (name, colour) = (answer_text(answer), colour(Some(answer)));
@@ -276,6 +296,11 @@ fn words(p: &Painter, at: Pos2, n: usize, entry: &Entry, is_narrow: bool, said: 
     let mut y = head.max.y;
     let mut line =
         |words: &str, colour: Color32| y = text(p, pos2(at.x, y), Align2::LEFT_TOP, words, TEXT, colour).max.y;
+    if let Some(t) = twice {
+        let both = format!("{} in the other position", t.other + 1);
+        let why = format!("{both}: {:.2} here, {:.2} there", entry.candidate.score, t.other_score);
+        line(if is_narrow { &both } else { &why }, EXPECTED);
+    }
     if let Some(l) = &entry.candidate.lesion {
         let sizes = [format!("{:.1} mm wide", l.diameter_mm), format!("{:.1} mm high", l.height_mm)];
         if is_narrow {

@@ -12,7 +12,7 @@ use super::candidates::Marking;
 use super::{Context, Panel, PanelEntry, Requests, rows};
 use crate::app::findings::{Finding, FindingPicture, Morphology, Outside, Tissue};
 use crate::host::window::intent::{FindingEdit, Intent};
-use crate::host::window::style::{INK, SOFT, TEXT, text};
+use crate::host::window::style::{EXPECTED, INK, SOFT, TEXT, text};
 
 /// Its entry in the table.
 pub const PANEL: PanelEntry =
@@ -140,7 +140,10 @@ impl FindingsPanel {
         let size = [size.as_str(), form].into_iter().filter(|s| !s.is_empty()).collect::<Vec<_>>().join(", ");
         text(&p, pos2(head.max.x + 8.0, head.max.y - 1.0), Align2::LEFT_BOTTOM, &size, TEXT, INK);
         let place = text(&p, pos2(at.x, head.max.y), Align2::LEFT_TOP, &place(finding), TEXT, SOFT);
-        text(&p, pos2(at.x, place.max.y), Align2::LEFT_TOP, finding.note.lines().next().unwrap_or_default(), TEXT, INK);
+        let both = if finding.other.is_some() { "in both positions" } else { "" };
+        let seen = text(&p, pos2(at.x, place.max.y), Align2::LEFT_TOP, both, TEXT, EXPECTED);
+        let y = if finding.other.is_some() { seen.max.y } else { place.max.y };
+        text(&p, pos2(at.x, y), Align2::LEFT_TOP, finding.note.lines().next().unwrap_or_default(), TEXT, INK);
         if row.clicked() {
             requests.ask(Intent::VisitFinding(n));
         }
@@ -155,6 +158,12 @@ impl FindingsPanel {
             }
             if ui.button("Delete").clicked() {
                 requests.ask(Intent::DeleteFinding(Some(n)));
+            }
+            if finding.other.is_some() {
+                let tip = "it is not the finding of the other position";
+                if ui.button("Part").on_hover_text(tip).clicked() {
+                    requests.ask(Intent::PartFinding(Some(n)));
+                }
             }
         });
         ui.label(RichText::new(place(finding)).color(SOFT));

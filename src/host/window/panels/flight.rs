@@ -4,7 +4,7 @@ use egui::{Color32, Event, Painter, PointerButton, Pos2, Rect, Sense, Stroke, St
 use glam::DVec3;
 
 use super::candidates::Marking;
-use super::{Context, Panel, PanelEntry, Requests, candidates, findings, measures, notches};
+use super::{Context, Panel, PanelEntry, Requests, candidates, expected, findings, measures, notches};
 use crate::components::output::Picture;
 use crate::host::window::intent::{EndAt, Intent};
 use crate::host::window::overlay::{self, Content, HudState};
@@ -186,13 +186,14 @@ pub(in crate::host::window) fn draw_alone(context: &Context<'_>, ui: &Ui, rect: 
 /// Draws the place pointed at and the measures where they are visible in the picture.
 fn marks(context: &Context<'_>, p: &Painter, rect: Rect) {
     let cursor = context.cursor();
-    if !context.view.has_marks() {
+    if !context.view.has_marks() && context.expected().is_empty() {
         return;
     }
     seen(context, rect, p.pixels_per_point(), |view| {
         measures::draw(context, p, view.find);
         candidates::draw(context, p, view);
         findings::draw(context, p, view);
+        expected::draw(context, p, view);
         if let Some(at) = cursor.and_then(view.find) {
             for (colour, width) in [(Color32::BLACK, 3.5), (Severity::Notice.colour(), 1.5)] {
                 p.circle_stroke(at, 7.0, Stroke::new(width, colour));

@@ -6,6 +6,7 @@
 #[cfg(feature = "dicom")]
 mod archive;
 pub mod candidates;
+mod expected;
 pub mod findings;
 pub mod flight;
 pub mod kinds;

@@ -30,6 +30,7 @@ use crate::host::window::layer::{Placed, compose};
 use crate::host::window::layouts::LAYOUTS;
 use crate::host::window::overlay::{self, Content, HudState};
 use crate::host::window::painter::Artist;
+use crate::host::window::pairing::Pairing;
 use crate::host::window::place::Bar;
 use crate::host::window::sheet::Sheet;
 use crate::host::window::style::Severity;
@@ -79,6 +80,7 @@ impl Stage {
                 guessed: vec![[640, 680]],
                 parts: vec![(80, "rectum"), (400, "sigmoid"), (1000, "cecum")],
                 calls: vec![620],
+                expected: None,
             },
             place: "250 of about 810 mm".to_owned(),
             keys: actions.short_help(),
@@ -100,7 +102,8 @@ impl Stage {
         let loading = Content::Loading { stage: "reading".to_owned(), share: Some(0.4) };
         let other = Other { content: &loading, view: None, opened: None, is_first: false };
         let context = Context::new(&self.controller, &self.actions, &self.recent, &self.hud);
-        let context = context.beside(Some(other).filter(|_| self.is_beside), self.is_beside);
+        let pairing = Pairing::new(Instant::now());
+        let context = context.beside(Some(other).filter(|_| self.is_beside), self.is_beside, &pairing);
         let mut requests = Requests::default();
         let laid_out =
             self.interface.lay_out(RawInput { events, ..RawInput::default() }, self.size, Instant::now(), |ui| {

@@ -8,7 +8,7 @@ use glam::DVec3;
 
 use super::candidates::Marking;
 use super::flight::{CLICK, TWICE_S};
-use super::{Context, Panel, PanelEntry, Requests, candidates, findings, measures, notches};
+use super::{Context, Panel, PanelEntry, Requests, candidates, expected, findings, measures, notches};
 use crate::components::slices::{Orientation, SliceView};
 use crate::host::window::intent::{EndAt, Intent, SliceInput};
 use crate::host::window::style::{ACCENT, INK, SOFT, Severity, TEXT, label, text};
@@ -225,6 +225,7 @@ impl SlicePanel {
             measures::draw(context, p, view.find);
             candidates::draw(context, p, view);
             findings::draw(context, p, view);
+            expected::draw(context, p, view);
         });
         let edges = placed.slice.frame.edges();
         label(p, inner.left_center(), Align2::LEFT_CENTER, &edges[0]);

@@ -16,7 +16,7 @@ impl Shell {
         let beside = self.other.as_mut().and_then(|other| other.content(None, now));
         let context = Context::new(&**controller, &self.actions, self.recent.scans(), &hud);
         let other = self.other.as_ref().zip(beside.as_ref()).map(|(other, content)| other.beside(content));
-        let context = context.of_scan(self.scan.input.as_deref(), self.scan.series).beside(other, true);
+        let context = context.of_scan(self.scan.input.as_deref(), self.scan.series).beside(other, true, &self.pairing);
         let views = Photograph::take(&context, size, &self.scan.placed.views);
         controller.photograph(views, now);
     }

@@ -2,20 +2,31 @@
 
 use std::time::Instant;
 
+use glam::DVec3;
+
 use super::open_scan::{OpenScan, Placed, Stage};
 use super::{Ready, Shell};
+use crate::components::camera::Pose;
 use crate::components::input::HandCommand;
 use crate::error::Result;
+use crate::fields::matching::Side;
 use crate::host::window::contract::WindowView;
+use crate::host::window::controller::FlightController;
 use crate::host::window::framebuffer::Framebuffer;
 use crate::host::window::interface::WindowSize;
 use crate::host::window::keeping::Keeping;
 use crate::host::window::keys::HeldKeys;
 use crate::host::window::overlay::Content;
+use crate::host::window::pairing::{Pairing, Position};
 use crate::host::window::stroke::Pressed;
 use crate::host::window::{Asked, Resume, unflown};
 use crate::output;
 use crate::render::ImageSize;
+
+/// What is said where a second position is needed.
+const NONE: &str = "there is no other position: open one in the panel Second position";
+/// Places within this of each other are those of one finding, mm: more than any rounding in files.
+const SAME_MM: f64 = 0.5;
 
 impl Shell {
     /// Opens a scan as the patient's second position, instead of the one that is open as such.
@@ -99,6 +110,7 @@ impl Shell {
             // It waits for the reader.
             None => controller.flight_mut().act(HandCommand::Pause(true)).unwrap_or(()),
         }
+        controller.count_as_shown();
         other.stage = Stage::Flying(Box::new(controller));
         Ok(())
     }
@@ -112,15 +124,19 @@ impl Shell {
             Some(Stage::Flying(_)) => None,
             Some(Stage::Loading(_)) => Some("the other position is being read"),
             Some(Stage::Failed(_) | Stage::Over) => Some("the other position could not be read"),
-            None => Some("there is no other position: open one beside this scan (File, or --second)"),
+            None => Some(NONE),
         };
         let (Some(other), None) = (&mut self.other, said) else {
             self.say(said.unwrap_or_default().to_owned());
             return Ok(());
         };
-        let mut framebuffer = None;
+        let (mut framebuffer, shows_both) = (None, self.workspace.shows("second"));
         if let Stage::Flying(c) = &mut self.scan.stage {
             c.steer(HeldKeys::let_go, now);
+            // Nobody looks where it would fly.
+            if !shows_both {
+                c.wait(now);
+            }
             framebuffer = c.flight_mut().views().take_presenter::<Framebuffer>();
         }
         self.pressed = Pressed::default();
@@ -148,9 +164,235 @@ impl Shell {
         Ok(())
     }
 
-    /// Returns what there is of the other position, for panels.
+    /// Returns which position is worked in.
+    fn side(&self) -> Side {
+        if self.scan.is_second { Side::B } else { Side::A }
+    }
+
+    /// Returns the flights through both positions, in the order of sides.
+    fn flights(&self) -> Option<[&FlightController; 2]> {
+        let (Stage::Flying(own), Some(Stage::Flying(other))) =
+            (&self.scan.stage, self.other.as_ref().map(|other| &other.stage))
+        else {
+            return None;
+        };
+        Some(if self.side() == Side::A { [own, other] } else { [other, own] })
+    }
+
+    /// Returns the flight that is worked in and the other one.
+    fn own_and_other(&mut self) -> Option<(&mut FlightController, &mut FlightController)> {
+        let (Stage::Flying(own), Some(Stage::Flying(other))) =
+            (&mut self.scan.stage, self.other.as_mut().map(|other| &mut other.stage))
+        else {
+            return None;
+        };
+        Some((own, other))
+    }
+
+    /// Returns the poses of both cameras, in the order of sides.
+    fn poses(&self) -> Option<[Pose; 2]> {
+        Some(self.flights()?.map(|c| c.flight().pose()))
+    }
+
+    /// Returns the places that are pointed at, world mm, in the order of sides.
+    fn cursors(&self) -> Option<[Option<DVec3>; 2]> {
+        Some(self.flights()?.map(|c| c.slices().cursor()))
+    }
+
+    /// Compares the positions as soon as both are there, and lets the other one follow if they are flown together.
+    fn pair(&mut self, now: Instant) {
+        if self.other.is_none() {
+            return;
+        }
+        let (side, was_known) = (self.side(), self.pairing.why_not().is_none());
+        // Taken out, since it looks at both flights.
+        let mut pairing = std::mem::replace(&mut self.pairing, Pairing::new(now));
+        let positions = self.flights().map(|flights| {
+            flights.map(|c| Position {
+                flight: c.flight(),
+                found: c.document().found(),
+                assistant: c.assistant(),
+                is_settled: c.is_settled(),
+            })
+        });
+        let is_new = positions.is_some_and(|positions| pairing.advance(positions, &self.background, now));
+        if let Some((own, other)) = self.own_and_other()
+            && is_new
+        {
+            own.raise(pairing.twice(side));
+            other.raise(pairing.twice(side.other()));
+        }
+        self.pairing = pairing;
+        self.touched |= is_new;
+        if is_new && !was_known && self.pairing.why_not().is_none() {
+            // Readers expect both to move.
+            self.pairing.is_linked = true;
+            let how = self.actions.hint("same-place", "goes to the same place in the other");
+            self.say(format!("both positions are compared and fly together{how}"));
+        } else if is_new && let Some(why) = self.pairing.why_not().filter(|_| self.pairing.next().is_none()) {
+            self.say(why);
+        }
+        self.mend_pairs(now);
+        self.follow_in_other(now);
+    }
+
+    /// Lets the other position's camera stand where that of the one that is worked in is.
+    fn follow_in_other(&mut self, now: Instant) {
+        if !self.pairing.is_linked {
+            return;
+        }
+        let (side, poses) = (self.side(), self.poses());
+        let Some(poses) = poses.filter(|poses| !self.pairing.stands(*poses)) else { return };
+        let own = poses[side as usize];
+        let Some((there, found)) = self.pairing.pose(side, &own) else { return };
+        // As steady as the flight: what belongs together changes from row to row.
+        let there = self.pairing.steadied(there, &poses[side.other() as usize], now);
+        if let Some((_, other)) = self.own_and_other() {
+            other.stand(&there, found.on_line(), now);
+        }
+        if let Some(poses) = self.poses() {
+            self.pairing.stand_if_still(poses, &there, side);
+        }
+    }
+
+    /// True while the camera of the other position has not come to where it belongs.
+    fn is_other_behind(&self) -> bool {
+        let side = self.side();
+        let is_behind =
+            |poses: [Pose; 2]| !self.pairing.stands(poses) && self.pairing.pose(side, &poses[side as usize]).is_some();
+        self.pairing.is_linked && self.poses().is_some_and(is_behind)
+    }
+
+    /// Flies both positions together, or stops that.
+    pub(super) fn link(&mut self, now: Instant) {
+        if self.other.is_none() {
+            return self.say(NONE.to_owned());
+        }
+        if let Some(why) = self.pairing.why_not() {
+            return self.say(why);
+        }
+        self.pairing.is_linked = !self.pairing.is_linked;
+        let said = if self.pairing.is_linked { "both positions fly together" } else { "each position flies alone" };
+        self.say(said.to_owned());
+        self.follow_in_other(now);
+        self.touched = true;
+    }
+
+    /// Goes to the same place in the other position, and works there.
+    ///
+    /// # Errors
+    /// Returns status 1 if the picture cannot be shown.
+    pub(super) fn same_place(&mut self, now: Instant) -> Result<()> {
+        let why_not = if self.other.is_none() { Some(NONE.to_owned()) } else { self.pairing.why_not() };
+        if let Some(why) = why_not {
+            self.say(why);
+            return Ok(());
+        }
+        let side = self.side();
+        let Some(poses) = self.poses() else { return Ok(()) };
+        let Some(cursors) = self.cursors() else { return Ok(()) };
+        let (cursor, own) = (cursors[side as usize], poses[side as usize]);
+        let Some((pose, found)) = self.pairing.pose(side, &own) else {
+            self.say("the camera is nowhere along the colon".to_owned());
+            return Ok(());
+        };
+        // A place that is pointed at is pointed at in the other, too.
+        let place = cursor.and_then(|place| self.pairing.expect(side, place)).map(|e| e.place);
+        // Back where it was: there and back again leads to the same place.
+        let is_there = self.pairing.stands(poses) && (cursor.is_none() || self.pairing.points(cursors));
+        let gap = if found.is_gap { "; collapsed in one of them: a guess" } else { "" };
+        let told = format!("same place: {:.0} ± {:.0} mm{gap}", found.along_mm, found.uncertainty_mm.ceil());
+        if let Some((_, other)) = self.own_and_other().filter(|_| !is_there)
+            && !other.arrive(&pose, found.on_line(), place, now)
+        {
+            self.say("the camera does not fit there in the other position".to_owned());
+            return Ok(());
+        }
+        self.work_in_other(now)?;
+        if let (Some(poses), Some(cursors)) = (self.poses(), self.cursors()) {
+            self.pairing.stand(poses);
+            self.pairing.point(cursors);
+        }
+        self.say(told);
+        Ok(())
+    }
+
+    /// Returns the number of findings of the position that is worked in.
+    pub(super) fn count_findings(&self) -> usize {
+        if let Stage::Flying(c) = &self.scan.stage { c.document().found().findings.len() } else { 0 }
+    }
+
+    /// Takes a finding that was just marked for that of the other position which is expected there: one finding with two places. There were
+    /// `before` findings.
+    pub(super) fn pair_new_finding(&mut self, before: usize, now: Instant) {
+        let side = self.side();
+        let Some(flights) = self.flights() else { return };
+        let [own, other] = [side, side.other()].map(|s| flights[s as usize].document().found());
+        let Some(new) = own.findings.last().filter(|_| own.findings.len() > before).cloned() else { return };
+        let Some(same) = self.pairing.same_finding(side, new.place, other) else { return };
+        let same = other.findings[same].clone();
+        let scans = [own.scan.clone(), other.scan.clone()];
+        if let Some((own, other)) = self.own_and_other() {
+            own.pair_finding(&new, Some(same.place), &scans[1], now);
+            other.pair_finding(&same, Some(new.place), &scans[0], now);
+            let part = "the panel Findings parts them";
+            own.say(format!("finding {} is finding {} of the other position; {part}", new.id, same.id), now);
+        }
+        self.touched = true;
+    }
+
+    /// Parts a finding from that of the other position.
+    pub(super) fn part_finding(&mut self, n: Option<usize>, now: Instant) {
+        let Some((own, other)) = self.own_and_other() else { return self.say(NONE.to_owned()) };
+        let [own_found, other_found] = [own.document().found().clone(), other.document().found().clone()];
+        let chosen = n.or(own.current_finding()).and_then(|n| own_found.findings.get(n));
+        let Some((finding, place)) = chosen.and_then(|f| Some((f, f.other?))) else {
+            return own.say("no finding is chosen that is in both positions", now);
+        };
+        own.pair_finding(finding, None, &other_found.scan, now);
+        if let Some(same) = other_found.findings.iter().find(|f| f.place.distance(place) < SAME_MM) {
+            other.pair_finding(same, None, &own_found.scan, now);
+        }
+        own.say(format!("finding {} is parted from that of the other position", finding.id), now);
+        self.touched = true;
+    }
+
+    /// Parts findings whose counterpart in the other position was deleted.
+    fn mend_pairs(&mut self, now: Instant) {
+        if let Some((own, other)) = self.own_and_other() {
+            part_from_gone(own, other, now);
+            part_from_gone(other, own, now);
+        }
+    }
+
+    /// Returns what there is of the other position, for panels: where the place of the one that is worked in is expected, too.
     pub(super) fn other_content(&mut self, size: WindowSize, now: Instant) -> Option<Content> {
-        self.other.as_mut()?.content(Some(size), now)
+        let side = self.side();
+        let own = self.poses().map(|poses| poses[side as usize]);
+        let found = own.and_then(|pose| self.pairing.place(side, pose.position));
+        let (waits, is_linked) = (self.pairing.why_not(), self.pairing.is_linked);
+        let other = self.other.as_mut()?;
+        let mut content = other.content(Some(size), now)?;
+        if let (Content::Flight(hud), Stage::Flying(c)) = (&mut content, &other.stage) {
+            let told = match (&found, waits) {
+                (_, Some(why)) => why,
+                (Some(found), None) => {
+                    let reach = [-found.uncertainty_mm, found.uncertainty_mm].map(|by| found.along_mm + by);
+                    hud.bar.expected = c.stretch(reach);
+                    let gap = if found.is_gap { ", collapsed: a guess" } else { "" };
+                    format!("same place: {:.0} ± {:.0} mm{gap}", found.along_mm, found.uncertainty_mm.ceil())
+                }
+                (None, None) => "nowhere along the colon".to_owned(),
+            };
+            if is_linked {
+                hud.state = "linked".to_owned();
+                // It does not fly by itself.
+                hud.figures.retain(|line| !line.contains("mm/s") && !line.starts_with("guide "));
+            }
+            hud.more = vec![told];
+            hud.keys.clear();
+        }
+        Some(content)
     }
 
     /// Lets the other position go on if it is shown, and renders its picture if that is new. `is_busy` tells whether the picture of the
@@ -159,15 +401,17 @@ impl Shell {
     /// # Errors
     /// As [`FlightController::advance`](crate::host::window::controller::FlightController::advance).
     pub(super) fn other_picture(&mut self, is_busy: bool, now: Instant) -> Result<bool> {
+        self.pair(now);
         let [.., width, height] = self.scan.placed.other_at;
         let Some(Stage::Flying(c)) = self.other.as_mut().map(|other| &mut other.stage) else { return Ok(false) };
+        c.advance(now)?;
         let mut is_new = false;
         if width * height > 0 {
-            c.advance(now)?;
             c.share_frames(is_busy);
-            let due = c.prepare(ImageSize::new(width, height), &[], now)?;
-            is_new = due.is_some();
-            c.show(due)?;
+            if let Some(due) = c.prepare(ImageSize::new(width, height), &[], now)? {
+                is_new = true;
+                c.show(Some(due))?;
+            }
         }
         if let Stage::Flying(own) = &mut self.scan.stage {
             own.share_frames(is_new);
@@ -178,10 +422,14 @@ impl Shell {
     /// Returns when work is due for the other position, if it is shown.
     pub(super) fn next_of_other(&self) -> Option<Instant> {
         let [.., width, height] = self.scan.placed.other_at;
+        if width * height > 0 && self.is_other_behind() {
+            return Some(self.due);
+        }
         match self.other.as_ref().map(|other| &other.stage)? {
             Stage::Loading(_) => Some(self.due),
-            Stage::Flying(_) if width * height == 0 => None,
-            Stage::Flying(c) if c.rests() => c.next(),
+            Stage::Flying(c) if width * height == 0 || c.rests() => {
+                c.next().into_iter().chain(self.pairing.next()).min()
+            }
             Stage::Flying(_) => Some(self.due),
             Stage::Failed(_) | Stage::Over => None,
         }
@@ -202,6 +450,16 @@ impl OpenScan {
             }
             Stage::Over => None,
         }
+    }
+}
+
+/// Parts a finding of one position whose counterpart in the other one was deleted.
+fn part_from_gone(mine: &mut FlightController, theirs: &FlightController, now: Instant) {
+    let (found, others) = (mine.document().found(), theirs.document().found());
+    let is_gone = |at: DVec3| !others.findings.iter().any(|f| f.place.distance(at) < SAME_MM);
+    let is_theirs = found.second.as_ref() == Some(&others.scan);
+    if let Some(alone) = found.findings.iter().find(|f| is_theirs && f.other.is_some_and(is_gone)).cloned() {
+        mine.pair_finding(&alone, None, &others.scan, now);
     }
 }
 
