@@ -437,6 +437,12 @@ pub struct CaseArgs {
     /// Output folder
     #[arg(long, value_name = "DIR/")]
     pub out: PathBuf,
+    /// The same patient's scan in another position: what of the findings is there
+    #[arg(long, value_name = "INPUT")]
+    pub second: Option<PathBuf>,
+    /// Take --second even if it is another patient's
+    #[arg(long, requires = "second")]
+    pub force: bool,
     /// Category scheme: c-rads-2023, england, or a .toml file
     #[arg(long, value_name = "SCHEME", default_value = SCHEME)]
     pub scheme: String,
@@ -456,7 +462,8 @@ impl CaseArgs {
     #[cfg(feature = "window")]
     pub(super) fn new(input: PathBuf, findings: PathBuf, out: PathBuf) -> Self {
         let scheme = SCHEME.to_owned();
-        Self { input, findings, out, scheme, dicom: false, identity: false, stats: None }
+        let (second, stats) = (None, None);
+        Self { input, findings, out, second, force: false, scheme, dicom: false, identity: false, stats }
     }
 
     /// Returns the scheme's file, if it is one.

@@ -41,7 +41,7 @@ impl Files {
                 let files = case::FILES.map(|name| a.out.join(name));
                 none()
                     .reads([&a.input, &a.findings])
-                    .reads(a.scheme_file())
+                    .reads(a.scheme_file().iter().chain(&a.second))
                     .writes([&a.out])
                     .writes(files)
                     .writes(&a.stats)

@@ -8,7 +8,7 @@ use crate::cli::Program;
 use crate::cli::args::{self, Args};
 
 /// Options with a file that is read, as `command option`; all others are written. `*` stands for `fly` and its kin.
-const READ: [&str; 31] = [
+const READ: [&str; 32] = [
     "* input",
     "* second",
     "* answers",
@@ -30,6 +30,7 @@ const READ: [&str; 31] = [
     "measure input",
     "case input",
     "case findings",
+    "case second",
     "case scheme",
     "batch manifest",
     "batch group",

@@ -17,6 +17,7 @@ mod measure;
 mod messages;
 mod outside;
 mod own;
+mod pair;
 mod phantom;
 mod phantom_args;
 mod plane;

@@ -9,7 +9,7 @@ use crate::error::{Error, program_name};
 /// Planned commands.
 const COMMANDS: [&str; 2] = ["unfold", "dataset"];
 /// Planned options of built commands.
-const OPTIONS: [&str; 3] = ["--second", "--normals", "--truth"];
+const OPTIONS: [&str; 2] = ["--normals", "--truth"];
 /// Planned values of built options, and of the argument `<SUBJECT>`.
 const VALUES: [(&str, &str); 4] =
     [("--camera", "fisheye"), ("--camera", "panorama"), ("<SUBJECT>", "unfold"), ("--do", "unfold")];
@@ -81,7 +81,7 @@ mod tests {
             other => panic!("{other:?}"),
         };
         for (words, what) in [
-            (&["colvis", "case", "--second", "x"][..], "--second"),
+            (&["colvis", "render", "--normals"][..], "--normals"),
             (&["colvis", "--camera", "fisheye"], "--camera fisheye"),
             (&["colvis", "report", "unfold", "--out", "x"], "report unfold"),
         ] {

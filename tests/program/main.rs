@@ -7,6 +7,7 @@ mod candidates;
 mod case;
 #[cfg(feature = "dicom")]
 mod case_dicom;
+mod case_second;
 mod centerline;
 mod circles;
 mod cleanse;

@@ -6,10 +6,12 @@ mod map;
 mod markups;
 mod outputs;
 mod page;
+mod second;
 mod segments;
 
 pub(super) use markups::curve;
 use outputs::Outputs;
+use second::Second;
 use segments::Segments;
 
 use std::collections::BTreeMap;
@@ -20,7 +22,7 @@ use serde_json::json;
 
 use crate::app::Timings;
 use crate::app::findings::{
-    Finding, FindingPicture, Findings, NoScan, Quality, Scheme, SegmentFacts, lesion_at, quality,
+    Draft, Finding, FindingPicture, Findings, NoScan, Quality, Scheme, SegmentFacts, lesion_at, quality,
 };
 use crate::cli::args::{CaseArgs, Global};
 use crate::cli::messages::say;
@@ -47,10 +49,11 @@ const SIDE: usize = 360;
 const HINT: &str = "give the file that a window keeps of a reading, below findings/ in its folder";
 
 /// The files that it writes or removes; `capture-NN.dcm` come to them.
-pub(super) const FILES: [&str; 7] = [
+pub(super) const FILES: [&str; 8] = [
     "report.html",
     "findings.json",
     "findings.mrk.json",
+    "second.mrk.json",
     "centerline.mrk.json",
     "lumen.seg.nrrd",
     "report.dcm",
@@ -71,6 +74,16 @@ struct Case {
     along: Arc<Along>,
     /// The colon from outside.
     map: Option<map::Map>,
+    /// The patient's other position.
+    second: Option<Second>,
+}
+
+impl Case {
+    /// Returns the category that follows from the findings, and from the quality of both positions.
+    fn draft(&self) -> Draft {
+        let quality = self.second.as_ref().map(|s| s.either(&self.findings.quality));
+        self.scheme.draft(&self.findings.findings, quality.as_ref().unwrap_or(&self.findings.quality))
+    }
 }
 
 /// Runs the command. Fails with status 2 for an unknown scheme, 3 if the input or the findings cannot be read or do not belong together,
@@ -84,6 +97,9 @@ pub(crate) fn run(args: &CaseArgs, global: &Global, progress: &Progress) -> Resu
     let findings = Findings::read(&args.findings, NoScan::Refused, HINT)?;
     let transfer = prepare::transfer(global)?;
     check_names(args)?;
+    if let Some(second) = &args.second {
+        second::check(second, args, global, progress)?;
+    }
     let had_folder = args.out.exists();
     output::make_folder(&args.out)?;
     let reported = report(args, global, &scheme, findings, transfer, progress);
@@ -97,7 +113,7 @@ pub(crate) fn run(args: &CaseArgs, global: &Global, progress: &Progress) -> Resu
 /// Refuses an input or a file of stats that has the name and the place of one of the report's. Fails with status 2.
 fn check_names(args: &CaseArgs) -> Result<()> {
     let folder = std::fs::canonicalize(&args.out).ok();
-    for path in std::iter::once(&args.input).chain(&args.stats) {
+    for path in std::iter::once(&args.input).chain(&args.second).chain(&args.stats) {
         let own = path.parent().map(|p| if p.as_os_str().is_empty() { Path::new(".") } else { p });
         let is_there = folder.is_some() && own.and_then(|p| std::fs::canonicalize(p).ok()) == folder;
         let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -169,6 +185,11 @@ fn report(
     });
     let pictures = timings.time("pictures_s", || pictures.collect::<Result<Vec<_>>>())?;
     findings.quality = quality.iter().map(|(q, _)| q.clone()).collect();
+    drop((shown, scanned));
+    let first = second::First { findings: &findings, lumen: &found, along: &along, transfer };
+    let read = |path: &std::path::PathBuf| second::read(path, args, &global, &first, &mut timings, progress);
+    let second = args.second.as_ref().map(read).transpose()?;
+    findings.second = second.as_ref().map(|s| s.hash.clone()).or(findings.second);
     let case = Case {
         findings,
         pictures,
@@ -176,6 +197,7 @@ fn report(
         scheme: scheme.clone(),
         along,
         map,
+        second,
         #[cfg(feature = "dicom")]
         study,
     };
@@ -185,7 +207,7 @@ fn report(
     outputs.finish()?;
     let Some(path) = &args.stats else { return Ok(()) };
     let mut stats = prepare::stats_head(&timings);
-    let draft = case.scheme.draft(&case.findings.findings, &case.findings.quality);
+    let draft = case.draft();
     let inadequate: Vec<&String> = case.quality.iter().map(|(_, f)| &f.why).filter(|w| !w.is_empty()).collect();
     for (name, value) in [
         ("quality", json!(case.findings.quality)),
@@ -208,6 +230,9 @@ fn write(
 ) -> Result<()> {
     outputs.add_json("findings.json", &case.findings.json())?;
     outputs.add_json("findings.mrk.json", &markups::findings(&case.findings))?;
+    if let Some(second) = &case.second {
+        outputs.add_json("second.mrk.json", &markups::findings(&second.marked()))?;
+    }
     if let Some(line) = case.along.line() {
         outputs.add_json("centerline.mrk.json", &curve(line))?;
     } else {

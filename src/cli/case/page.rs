@@ -6,6 +6,7 @@ use base64::prelude::{BASE64_STANDARD, Engine as _};
 
 use super::Case;
 use super::map::{self, Map};
+use super::second::{Second, There};
 use super::segments::COLOURS;
 use crate::app::findings::{Finding, FindingPicture, Quality, SegmentFacts, Tissue};
 use crate::cli::candidates::escape;
@@ -38,16 +39,21 @@ pub(super) fn html(case: &Case) -> Result<String> {
     if list.is_empty() {
         let _ = writeln!(out, "<p>None was entered.</p>");
     } else {
-        table_of_findings(list, &mut out);
+        table_of_findings(list, case.second.as_ref(), &mut out);
     }
     if let Some(map) = &case.map {
         colon(case, map, &mut out)?;
     }
-    for (finding, pictures) in list.iter().zip(&case.pictures) {
-        card(finding, pictures, &mut out)?;
+    for (n, (finding, pictures)) in list.iter().zip(&case.pictures).enumerate() {
+        let there = case.second.as_ref().map(|s| s.findings.get(n).and_then(Option::as_ref));
+        card(finding, pictures, there, &mut out)?;
     }
     outside(case, &mut out);
-    quality(&case.quality, &mut out);
+    let both = case.second.is_some();
+    quality("Quality by segment", &case.quality, both, &mut out);
+    if let Some(second) = &case.second {
+        quality("Quality by segment, second position", &second.quality, both, &mut out);
+    }
     answers(case, &mut out);
     let _ = write!(
         out,
@@ -85,8 +91,7 @@ fn whose(_: &Case) -> Option<String> {
 }
 
 fn category(case: &Case, out: &mut String) {
-    let (scheme, findings) = (&case.scheme, &case.findings);
-    let draft = scheme.draft(&findings.findings, &findings.quality);
+    let (scheme, findings, draft) = (&case.scheme, &case.findings, case.draft());
     let _ = write!(
         out,
         "<div class=\"category\"><p><strong>{}</strong> <span class=\"soft\">draft, {}</span></p><p>Because: {}.</p>",
@@ -114,17 +119,22 @@ fn category(case: &Case, out: &mut String) {
     let _ = writeln!(out, "<p class=\"soft\">{}</p></div>", escape(&scheme.source));
 }
 
-fn table_of_findings(list: &[Finding], out: &mut String) {
+fn table_of_findings(list: &[Finding], second: Option<&Second>, out: &mut String) {
+    let there = if second.is_some() { "<th>second position</th>" } else { "" };
     let _ = writeln!(
         out,
         "<table><tr><th>No.</th><th>Segment</th><th class=\"n\">from the rectum</th><th class=\"n\">diameter</th><th class=\"n\">height</th>\
-         <th>form</th><th>tissue</th><th class=\"n\">confidence</th></tr>"
+         <th>form</th><th>tissue</th><th class=\"n\">confidence</th>{there}</tr>"
     );
-    for f in list {
+    for (n, f) in list.iter().enumerate() {
+        let there = second.map_or_else(String::new, |s| {
+            let told = s.findings.get(n).and_then(Option::as_ref).map_or_else(|| "–".to_owned(), There::text);
+            format!("<td>{}</td>", escape(&told))
+        });
         let mm = |x: Option<f64>, digits: usize| x.map_or_else(|| "–".to_owned(), |x| format!("{x:.digits$} mm"));
         let _ = writeln!(
             out,
-            "<tr><td>{}</td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td>{}</td><td>{}</td><td class=\"n\">{}</td></tr>",
+            "<tr><td>{}</td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td>{}</td><td>{}</td><td class=\"n\">{}</td>{there}</tr>",
             escape(&f.id),
             escape(f.segment.as_deref().unwrap_or("–")),
             mm(f.along_mm.map(|mm| (mm / 10.0).round() * 10.0), 0),
@@ -183,8 +193,9 @@ fn colon(case: &Case, map: &Map, out: &mut String) -> Result<()> {
     Ok(())
 }
 
-/// Writes a finding with its pictures.
-fn card(finding: &Finding, pictures: &[FindingPicture], out: &mut String) -> Result<()> {
+/// Writes a finding with its pictures. `there` is what it is in the second position: `None` without one, and within it `None` if that is not
+/// known.
+fn card(finding: &Finding, pictures: &[FindingPicture], there: Option<Option<&There>>, out: &mut String) -> Result<()> {
     let p = finding.place;
     let _ = write!(
         out,
@@ -196,7 +207,25 @@ fn card(finding: &Finding, pictures: &[FindingPicture], out: &mut String) -> Res
     if !finding.note.is_empty() {
         let _ = write!(out, "<p>{}</p>", escape(&finding.note).replace('\n', "<br>"));
     }
-    let _ = write!(out, "<p class=\"soft\">At {:.1}, {:.1}, {:.1} mm.</p><div class=\"pictures\">", p.x, p.y, p.z);
+    let _ = writeln!(out, "<p class=\"soft\">At {:.1}, {:.1}, {:.1} mm.</p>", p.x, p.y, p.z);
+    figures(finding, pictures, out)?;
+    match there {
+        Some(Some(there)) => {
+            let p = there.finding.place;
+            let told = escape(&there.text());
+            let _ = writeln!(out, "<p>Second position: {told}. At {:.1}, {:.1}, {:.1} mm there.</p>", p.x, p.y, p.z);
+            figures(&there.finding, &there.pictures, out)?;
+        }
+        Some(None) => _ = writeln!(out, "<p class=\"soft\">Its place in the second position is not known.</p>"),
+        None => {}
+    }
+    let _ = writeln!(out, "</div>");
+    Ok(())
+}
+
+/// Writes the pictures of a finding.
+fn figures(finding: &Finding, pictures: &[FindingPicture], out: &mut String) -> Result<()> {
+    let _ = write!(out, "<div class=\"pictures\">");
     for picture in pictures {
         let png = png(&picture.rgb, picture.side, picture.side)?;
         let (name, is_scanned) = match picture.name.strip_suffix("-scanned") {
@@ -234,7 +263,7 @@ fn card(finding: &Finding, pictures: &[FindingPicture], out: &mut String) -> Res
         }
         let _ = write!(out, "</svg><figcaption>{caption}</figcaption></figure>");
     }
-    let _ = writeln!(out, "</div></div>");
+    let _ = writeln!(out, "</div>");
     Ok(())
 }
 
@@ -273,8 +302,8 @@ fn outside(case: &Case, out: &mut String) {
     let _ = writeln!(out, "</table>");
 }
 
-fn quality(list: &[(Quality, SegmentFacts)], out: &mut String) {
-    let _ = writeln!(out, "<h2>Quality by segment</h2>");
+fn quality(title: &str, list: &[(Quality, SegmentFacts)], both: bool, out: &mut String) {
+    let _ = writeln!(out, "<h2>{title}</h2>");
     if list.is_empty() {
         let _ = writeln!(out, "<p>The segments are not known, because no line leads from the rectum to the cecum.</p>");
         return;
@@ -302,10 +331,14 @@ fn quality(list: &[(Quality, SegmentFacts)], out: &mut String) {
             if q.adequate { "" } else { "inadequate" }
         );
     }
+    let one = if both {
+        "For the category, a segment is adequate if it is in either position."
+    } else {
+        "In one position; the other one may show what this one does not."
+    };
     let _ = writeln!(
         out,
-        "</table><p class=\"soft\">Distended: share of the length with a caliber of 10 mm or more. A least caliber of 0: collapsed. In one \
-         position; the other one may show what this one does not.</p>"
+        "</table><p class=\"soft\">Distended: share of the length with a caliber of 10 mm or more. A least caliber of 0: collapsed. {one}</p>"
     );
     for (_, facts) in list.iter().filter(|(q, _)| !q.adequate) {
         let _ = writeln!(out, "<p class=\"bad\">{}.</p>", escape(&facts.why));

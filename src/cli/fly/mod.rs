@@ -3,8 +3,6 @@
 mod covering;
 mod files;
 #[cfg(feature = "window")]
-mod pair;
-#[cfg(feature = "window")]
 mod window;
 
 use std::path::{Path, PathBuf};

@@ -9,12 +9,12 @@ use serde_json::json;
 
 use super::covering::Covering;
 use super::files::read_commands;
-use super::pair::Pair;
 use super::{Screen, ask_plugins, leave, leave_unflown, overlays, request, say, scene, stats};
 use crate::app::{FlightApp, FlightRequest, Place, Scan, Scene, Timings};
 use crate::cli::Program;
 use crate::cli::args::{CaseArgs, FlyArgs, Global, SeriesChoice};
 use crate::cli::case;
+use crate::cli::pair::Pair;
 use crate::cli::prepare;
 use crate::cli::values::Point;
 use crate::components::input::{HandCommand, TimedCommand};
@@ -100,13 +100,19 @@ pub(crate) fn fly(
 fn report(global: &Global) -> window::MakeReport {
     let global = global.clone();
     Arc::new(move |order: &ReportOrder, progress: &Arc<Progress>| {
-        let ReportOrder { input, series, findings, out, for_archive } = order.clone();
+        let ReportOrder { input, series, second, findings, out, for_archive } = order.clone();
         let global = Global { series: series.map(SeriesChoice::Number), ..global.clone() };
         if for_archive && io::identity(&input, &prepare::load_options(&global), progress)?.is_none() {
             let why = "does not tell whose scan it is, so an archive could not file its report";
             return Err(Error::file(&input, why, "send the report of a DICOM study"));
         }
-        let args = CaseArgs { dicom: for_archive, identity: for_archive, ..CaseArgs::new(input, findings, out) };
+        let args = CaseArgs {
+            dicom: for_archive,
+            identity: for_archive,
+            second,
+            force: true,
+            ..CaseArgs::new(input, findings, out)
+        };
         case::run(&args, &global, progress)
     })
 }

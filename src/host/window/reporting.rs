@@ -21,6 +21,8 @@ pub struct ReportOrder {
     pub input: PathBuf,
     /// A series in a folder that holds several.
     pub series: Option<usize>,
+    /// The scan of the patient's other position, if the findings name it.
+    pub second: Option<PathBuf>,
     /// The file of the findings.
     pub findings: PathBuf,
     /// The folder that the report is written to.
@@ -38,6 +40,16 @@ pub(crate) struct Reported {
     pub(crate) make: MakeReport,
     pub(crate) input: PathBuf,
     pub(crate) series: Option<usize>,
+    /// The scan of the patient's other position, and its hash.
+    pub(crate) second: Option<(PathBuf, String)>,
+}
+
+impl Reported {
+    /// Returns the scan of the other position, if the findings name it or none.
+    fn second(&self, found: &Findings) -> Option<PathBuf> {
+        let (path, hash) = self.second.as_ref()?;
+        found.second.as_ref().is_none_or(|named| named == hash).then(|| path.clone())
+    }
 }
 
 /// Makes reports, one at a time.
@@ -66,6 +78,13 @@ impl Reporting {
     /// Sets of what reports are made.
     pub(crate) fn set(&mut self, of: Option<Reported>) {
         self.of = of;
+    }
+
+    /// Sets the scan of the patient's other position, and its hash.
+    pub(crate) fn set_second(&mut self, second: Option<(PathBuf, String)>) {
+        if let Some(of) = &mut self.of {
+            of.second = second;
+        }
     }
 
     /// Sets where reports can be sent.
@@ -109,6 +128,7 @@ impl Reporting {
     pub(crate) fn write(&mut self, found: Findings, folder: Option<&Path>, background: &Background, now: Instant) {
         let Some(of) = &self.of else { return };
         let (make, input, series) = (Arc::clone(&of.make), of.input.clone(), of.series);
+        let second = of.second(&found);
         let folder = screenshot::folder(folder);
         let job = background.start_apart("report", move |progress| {
             // One folder for each scan, in which a later report takes the place of an earlier one.
@@ -117,7 +137,7 @@ impl Reporting {
             let given = tempfile::tempdir().map_err(|e| output::cannot(&std::env::temp_dir(), e))?;
             let findings = given.path().join("findings.json");
             found.write(&findings)?;
-            make(&ReportOrder { input, series, findings, out: out.clone(), for_archive: false }, progress)?;
+            make(&ReportOrder { input, series, second, findings, out: out.clone(), for_archive: false }, progress)?;
             Ok(format!("the report is {}", out.join("report.html").display()))
         });
         self.go_over(job, now);
@@ -128,11 +148,12 @@ impl Reporting {
     pub(crate) fn send(&mut self, found: Findings, archive: usize, background: &Background, now: Instant) {
         let (Some(of), Some(archive)) = (&self.of, self.archives.get(archive).cloned()) else { return };
         let (make, input, series) = (Arc::clone(&of.make), of.input.clone(), of.series);
+        let second = of.second(&found);
         let job = background.start_apart("report", move |progress| {
             let made = tempfile::tempdir().map_err(|e| output::cannot(&std::env::temp_dir(), e))?;
             let (findings, out) = (made.path().join("findings.json"), made.path().join("report"));
             found.write(&findings)?;
-            make(&ReportOrder { input, series, findings, out: out.clone(), for_archive: true }, progress)?;
+            make(&ReportOrder { input, series, second, findings, out: out.clone(), for_archive: true }, progress)?;
             let entries = std::fs::read_dir(&out).map_err(|e| output::cannot(&out, e))?;
             let mut files: Vec<PathBuf> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
             files.retain(|path| path.extension().is_some_and(|e| e == "dcm"));
@@ -204,7 +225,7 @@ mod tests {
 
     fn reporting(make: MakeReport) -> Reporting {
         let mut reporting = Reporting::new(Instant::now());
-        reporting.set(Some(Reported { make, input: PathBuf::from("scan.nii"), series: Some(2) }));
+        reporting.set(Some(Reported { make, input: PathBuf::from("scan.nii"), series: Some(2), second: None }));
         reporting
     }
 

@@ -349,7 +349,7 @@ impl Shell {
         #[cfg(feature = "dicom")]
         controller.set_archives(archives::known_or_told());
         let (make, series) = (Arc::clone(&self.report), scan.series);
-        controller.set_reported(scan.input.clone().map(|input| Reported { make, input, series }));
+        controller.set_reported(scan.input.clone().map(|input| Reported { make, input, series, second: None }));
         controller.set_screenshots(settings::screenshots());
         Ok(controller)
     }

@@ -1,5 +1,6 @@
 //! A flight beside that through the patient's other position: it follows, goes where the other one is, and shares findings.
 
+use std::path::PathBuf;
 use std::time::Instant;
 
 use glam::DVec3;
@@ -64,6 +65,11 @@ impl FlightController {
     /// Returns a stretch along the colon, from and to in mm, on the bar.
     pub(crate) fn stretch(&self, mm: [f64; 2]) -> Option<[u32; 2]> {
         self.place.stretch(&self.flight, mm)
+    }
+
+    /// Sets the scan of the other position, and its hash, for reports.
+    pub(crate) fn report_with(&mut self, second: Option<(PathBuf, String)>) {
+        self.reporting.set_second(second);
     }
 
     /// Takes which candidates the other position has, too.

@@ -224,6 +224,9 @@ impl Shell {
         }
         self.pairing = pairing;
         self.touched |= is_new;
+        if is_new {
+            self.tell_reports();
+        }
         if is_new && !was_known && self.pairing.why_not().is_none() {
             // Readers expect both to move.
             self.pairing.is_linked = true;
@@ -234,6 +237,21 @@ impl Shell {
         }
         self.mend_pairs(now);
         self.follow_in_other(now);
+    }
+
+    /// Lets the reports of each position tell of the other, if that is a scan of its own.
+    fn tell_reports(&mut self) {
+        let of = |scan: &OpenScan| {
+            let Stage::Flying(c) = &scan.stage else { return None };
+            // A study with several series has no path for one of them.
+            let path = scan.input.clone().filter(|_| scan.series.is_none())?;
+            Some((path, c.document().found().scan.clone()))
+        };
+        let (own, other) = (of(&self.scan), self.other.as_ref().and_then(of));
+        if let Some((here, there)) = self.own_and_other() {
+            here.report_with(other);
+            there.report_with(own);
+        }
     }
 
     /// Lets the other position's camera stand where that of the one that is worked in is.

@@ -10,10 +10,10 @@ use crate::volume::io::identity::{self, Identity};
 use crate::volume::io::{identity as identity_of, study};
 
 /// A scan, and the one that is opened beside it as the same patient's other position.
-pub(super) struct Pair {
+pub(crate) struct Pair {
     /// The first, and the number of its series if that was asked for.
-    pub(super) first: (PathBuf, Option<usize>),
-    pub(super) second: PathBuf,
+    pub(crate) first: (PathBuf, Option<usize>),
+    pub(crate) second: PathBuf,
 }
 
 impl Pair {
@@ -22,7 +22,7 @@ impl Pair {
     ///
     /// # Errors
     /// Returns status 3 if the study has none.
-    pub(super) fn paired(&self, global: &Global) -> Result<Option<usize>> {
+    pub(crate) fn paired(&self, global: &Global) -> Result<Option<usize>> {
         let (first, open) = &self.first;
         if *first != self.second {
             return Ok(None);
@@ -43,7 +43,7 @@ impl Pair {
     ///
     /// # Errors
     /// Returns status 3 if the patients differ or a header cannot be read, 4 if cancelled.
-    pub(super) fn check(&self, global: &Global, progress: &Progress) -> Result<()> {
+    pub(crate) fn check(&self, global: &Global, progress: &Progress) -> Result<()> {
         let (first, series) = &self.first;
         let of_first = Global { series: series.map(SeriesChoice::Number), ..global.clone() };
         let told = |path, global: &Global| identity_of(path, &prepare::load_options(global), progress);
