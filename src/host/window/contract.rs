@@ -311,6 +311,7 @@ pub struct Requests {
     flight_at: Option<Rect>,
     other_at: Option<Rect>,
     slices_at: Vec<(Orientation, Rect)>,
+    other_slices_at: Vec<(Orientation, Rect)>,
 }
 
 impl Requests {
@@ -410,6 +411,17 @@ impl Requests {
     /// Returns the rectangle of the other position's picture, points.
     pub(super) fn other_at(&self) -> Option<Rect> {
         self.other_at
+    }
+
+    /// Takes over requests that are the other position's.
+    pub(super) fn of_other(&mut self, of_other: &mut Self) {
+        self.list.extend(of_other.take().into_iter().map(|intent| Intent::OfOther(Box::new(intent))));
+        self.other_slices_at.append(&mut of_other.slices_at);
+    }
+
+    /// Returns the rectangles of the other position's slices, points.
+    pub(super) fn other_slices_at(&self) -> &[(Orientation, Rect)] {
+        &self.other_slices_at
     }
 
     /// Takes all requests, in order.

@@ -172,6 +172,8 @@ pub(crate) enum Intent {
     OpenSecond(PathBuf, Option<usize>),
     /// Work in the patient's other position.
     OtherPosition,
+    /// Do something in the other position without working there.
+    OfOther(Box<Intent>),
     /// Go to the same place in the other position, and work there.
     SamePlace,
     /// Fly both positions together, or stop that.

@@ -48,6 +48,8 @@ pub(crate) struct Views {
     pub flight: Option<Rect>,
     /// The picture of the patient's other position, if it is shown.
     pub other: Option<Rect>,
+    /// The slices of the other position.
+    pub other_slices: Vec<(Orientation, Rect)>,
     /// The slices.
     pub slices: Vec<(Orientation, Rect)>,
 }
@@ -58,7 +60,8 @@ impl Photograph {
         let flight_at = views.flight.map(|at| size.in_pixels(at)).filter(|at| at[2] * at[3] > 0);
         let slices_at: Vec<_> = views.slices.iter().map(|(o, at)| (*o, size.in_pixels(*at))).collect();
         let other_at = views.other.map(|at| size.in_pixels(at));
-        let beside = slices_at.iter().map(|s| &s.1).chain(&other_at);
+        let other_slices_at: Vec<_> = views.other_slices.iter().map(|(o, at)| (*o, size.in_pixels(*at))).collect();
+        let beside = slices_at.iter().chain(&other_slices_at).map(|s| &s.1).chain(&other_at);
         let all = flight_at.iter().chain(beside).filter(|at| at[2] * at[3] > 0);
         let part = all.copied().reduce(around)?;
         let mut canvas = Frame::new(size.pixels.width, size.pixels.height);
@@ -72,6 +75,11 @@ impl Photograph {
         if let (Some(at), Some(picture)) = (other_at, of_other) {
             put(&mut canvas, [at[0], at[1]], &picture.frame);
         }
+        for (orientation, at) in &other_slices_at {
+            if let Some(view) = other.as_ref().and_then(|o| o.slice(*orientation)) {
+                put(&mut canvas, [at[0], at[1]], &view.frame);
+            }
+        }
         // Messages tell what has just been done, and keys what can be.
         let hud = HudState { message: None, keys: String::new(), ..context.hud.clone() };
         let over = painted(size, |ui| {
@@ -80,6 +88,9 @@ impl Photograph {
             }
             if let Some(at) = views.flight {
                 flight::draw_alone(context, ui, at, &hud);
+            }
+            for ((orientation, at), other) in views.other_slices.iter().zip(other.iter().cycle()) {
+                slices::draw_alone(other, ui, *orientation, *at);
             }
             if let Some((at, other)) = views.other.zip(other.as_ref()) {
                 flight::draw_alone(other, ui, at, other.hud);
@@ -213,7 +224,12 @@ mod tests {
             let context = Context::new(c, &actions, &[], &hud).of_scan(Some(Path::new("a/case.nii")), Some(2));
             (Photograph::take(&context, size, views), labels(&context, views))
         };
-        let both = Views { flight: Some(flight), other: None, slices: vec![(Orientation::Axial, axial)] };
+        let both = Views {
+            flight: Some(flight),
+            other: None,
+            other_slices: Vec::new(),
+            slices: vec![(Orientation::Axial, axial)],
+        };
         let (photo, [what, how]) = taken(&mut c, &both);
         assert!(what.starts_with("series 2") && !what.contains("case") && how.starts_with("view 90°"), "{what} {how}");
         assert!(how.contains("axial 0.1") && how.contains("mm per pixel"), "{how}");

@@ -490,7 +490,7 @@ impl Shell {
                 (Content::Flight(_), _) => {}
             }
             let pictures = requests.flight_at().into_iter().chain(requests.other_at());
-            pictures.chain(requests.slices_at().iter().map(|s| s.1)).collect()
+            pictures.chain(requests.slices_at().iter().chain(requests.other_slices_at()).map(|s| s.1)).collect()
         });
         match (output, self.workspace.take_broken()) {
             (Ok(output), false) => {
@@ -517,10 +517,17 @@ impl Shell {
             }
         }
         self.scan.placed.flight_at = requests.flight_at().map_or([0; 4], |at| size.in_pixels(at));
-        self.scan.placed.slices_at = requests.slices_at().iter().map(|(o, at)| (*o, size.in_pixels(*at))).collect();
         self.scan.placed.other_at = requests.other_at().map_or([0; 4], |at| size.in_pixels(at));
-        let (flight, other) = (requests.flight_at(), requests.other_at());
-        self.scan.placed.views = Views { flight, other, slices: requests.slices_at().to_vec() };
+        let in_pixels =
+            |list: &[(Orientation, egui::Rect)]| list.iter().map(|(o, at)| (*o, size.in_pixels(*at))).collect();
+        self.scan.placed.slices_at = in_pixels(requests.slices_at());
+        self.scan.placed.other_slices_at = in_pixels(requests.other_slices_at());
+        self.scan.placed.views = Views {
+            flight: requests.flight_at(),
+            other: requests.other_at(),
+            other_slices: requests.other_slices_at().to_vec(),
+            slices: requests.slices_at().to_vec(),
+        };
         self.scan.placed.laid_out = Some((content, beside, size));
         self.laid_out_at = Some(now);
         match answer {
@@ -594,6 +601,7 @@ impl Shell {
                 }
             }
             Intent::Link => self.link(now),
+            Intent::OfOther(intent) => self.execute_in_other(*intent, now),
             Intent::PartFinding(n) => self.part_finding(n, now),
             Intent::StartAt(place) => self.start_at(place, events),
             Intent::Whole if matches!(self.scan.stage, Stage::Flying(_)) && self.scan.unflown.is_none() => {
@@ -711,12 +719,19 @@ impl Shell {
                 let slices = self.scan.placed.slices_at.iter().filter_map(place).collect();
                 let [left, top, width, height] = self.scan.placed.other_at;
                 let other = (width * height > 0).then_some((left, top));
+                let other_slices = &self.scan.placed.other_slices_at;
                 if let Some(mut framebuffer) = controller.framebuffer() {
-                    let shown = self.other.as_ref().filter(|_| other.is_some()).and_then(OpenScan::image);
-                    if let Some(image) = shown.filter(|_| is_other_new) {
+                    let beside = self.other.as_ref().filter(|_| is_other_new);
+                    if let Some(image) = beside.filter(|_| other.is_some()).and_then(OpenScan::image) {
                         framebuffer.show_other(image);
                     }
-                    framebuffer.prepare(layout, Places { flight, other, slices });
+                    for (orientation, _) in other_slices {
+                        if let Some(slice) = beside.and_then(|b| b.slice(*orientation)) {
+                            framebuffer.show_other_slice(*orientation, slice);
+                        }
+                    }
+                    let other_slices = other_slices.iter().map(|(o, [x, y, ..])| (*o, (*x, *y))).collect();
+                    framebuffer.prepare(layout, Places { flight, other, other_slices, slices });
                 }
                 let shown = controller.show(due)?;
                 if let Some(shown) = &shown {

@@ -126,6 +126,7 @@ impl FlightController {
             | I::Open(..)
             | I::OpenSecond(..)
             | I::OtherPosition
+            | I::OfOther(_)
             | I::SamePlace
             | I::Link
             | I::PartFinding(_)

@@ -43,6 +43,9 @@ pub const BUILT_IN: &[PanelEntry] = &[
     missed::PANEL,
     quality::PANEL,
     second::PANEL,
+    slices::OTHER_AXIAL,
+    slices::OTHER_CORONAL,
+    slices::OTHER_SAGITTAL,
     open::PANEL,
 ];
 

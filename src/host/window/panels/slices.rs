@@ -47,6 +47,31 @@ pub const ACROSS: PanelEntry = PanelEntry {
     ..PanelEntry::NONE
 };
 
+/// The axial slice of the patient's other position.
+pub const OTHER_AXIAL: PanelEntry = PanelEntry {
+    name: "other-axial",
+    title: "Axial slice, other position",
+    picture: true,
+    make: || Box::new(OtherSlicePanel(SlicePanel::new(Orientation::Axial))),
+    ..PanelEntry::NONE
+};
+/// The coronal slice of the patient's other position.
+pub const OTHER_CORONAL: PanelEntry = PanelEntry {
+    name: "other-coronal",
+    title: "Coronal slice, other position",
+    picture: true,
+    make: || Box::new(OtherSlicePanel(SlicePanel::new(Orientation::Coronal))),
+    ..PanelEntry::NONE
+};
+/// The sagittal slice of the patient's other position.
+pub const OTHER_SAGITTAL: PanelEntry = PanelEntry {
+    name: "other-sagittal",
+    title: "Sagittal slice, other position",
+    picture: true,
+    make: || Box::new(OtherSlicePanel(SlicePanel::new(Orientation::Sagittal))),
+    ..PanelEntry::NONE
+};
+
 /// The camera is drawn within this distance of the plane, mm.
 const NEAR_MM: f64 = 12.0;
 /// Ends of measures are drawn within this distance of the plane, mm.
@@ -122,6 +147,26 @@ impl Panel for SlicePanel {
         if let (Some(view), Some(placed)) = (view, placed) {
             self.draw(context, &ui.painter_at(rect), view, placed, ui);
         }
+    }
+}
+
+/// A slice of the position that is not worked in.
+struct OtherSlicePanel(SlicePanel);
+
+impl Panel for OtherSlicePanel {
+    fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
+        let Some(other) = context.of_other() else {
+            ui.painter().rect_filled(ui.available_rect_before_wrap(), 0.0, ui.visuals().panel_fill);
+            ui.label(if context.other.is_some() {
+                "The other position is not ready."
+            } else {
+                "No other position is open."
+            });
+            return;
+        };
+        let mut own = Requests::default();
+        self.0.ui(&other, ui, &mut own);
+        requests.of_other(&mut own);
     }
 }
 

@@ -42,6 +42,8 @@ pub(super) struct Placed {
     pub flight_at: [usize; 4],
     /// The same for the picture of the patient's other position.
     pub other_at: [usize; 4],
+    /// The same for the slices of the other position.
+    pub other_slices_at: Vec<(Orientation, [usize; 4])>,
     /// The same for the slices.
     pub slices_at: Vec<(Orientation, [usize; 4])>,
     /// All of them, in points.
@@ -181,6 +183,12 @@ impl OpenScan {
     /// Returns the last picture of its flight.
     pub(super) fn image(&self) -> Option<&Frame> {
         if let Stage::Flying(c) = &self.stage { c.image() } else { None }
+    }
+
+    /// Returns a slice that it shows.
+    pub(super) fn slice(&self, orientation: Orientation) -> Option<&Frame> {
+        let Stage::Flying(c) = &self.stage else { return None };
+        c.slices().view(c.flight(), orientation).map(|view| &view.frame)
     }
 
     /// Returns the title of the window: the scan, and the program.

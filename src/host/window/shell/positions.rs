@@ -13,6 +13,7 @@ use crate::fields::matching::Side;
 use crate::host::window::contract::WindowView;
 use crate::host::window::controller::FlightController;
 use crate::host::window::framebuffer::Framebuffer;
+use crate::host::window::intent::{ActionContext, Intent, SliceInput};
 use crate::host::window::interface::WindowSize;
 use crate::host::window::keeping::Keeping;
 use crate::host::window::keys::HeldKeys;
@@ -383,6 +384,20 @@ impl Shell {
         }
     }
 
+    /// Does what a panel of the other position wants. What concerns the window itself is left out.
+    pub(super) fn execute_in_other(&mut self, intent: Intent, now: Instant) {
+        let [.., width, height] = self.scan.placed.other_at;
+        let at = ActionContext { window: ImageSize::new(width, height), now };
+        // It is looked at apart.
+        if matches!(intent, Intent::Slice(SliceInput::Click(_) | SliceInput::Point(_) | SliceInput::SetOut(_))) {
+            self.pairing.is_linked = false;
+        }
+        if let Some((_, other)) = self.own_and_other() {
+            other.execute(intent, at);
+        }
+        self.touched = true;
+    }
+
     /// Returns what there is of the other position, for panels: where the place of the one that is worked in is expected, too.
     pub(super) fn other_content(&mut self, size: WindowSize, now: Instant) -> Option<Content> {
         let side = self.side();
@@ -421,18 +436,19 @@ impl Shell {
     pub(super) fn other_picture(&mut self, is_busy: bool, now: Instant) -> Result<bool> {
         self.pair(now);
         let [.., width, height] = self.scan.placed.other_at;
+        let slices: Vec<_> = self.scan.placed.other_slices_at.iter().map(|(o, [.., w, h])| (*o, [*w, *h])).collect();
         let Some(Stage::Flying(c)) = self.other.as_mut().map(|other| &mut other.stage) else { return Ok(false) };
         c.advance(now)?;
         let mut is_new = false;
-        if width * height > 0 {
+        if width * height > 0 || !slices.is_empty() {
             c.share_frames(is_busy);
-            if let Some(due) = c.prepare(ImageSize::new(width, height), &[], now)? {
+            if let Some(due) = c.prepare(ImageSize::new(width, height), &slices, now)? {
                 is_new = true;
                 c.show(Some(due))?;
             }
         }
         if let Stage::Flying(own) = &mut self.scan.stage {
-            own.share_frames(is_new);
+            own.share_frames(is_new && width * height > 0);
         }
         Ok(is_new)
     }
@@ -440,14 +456,13 @@ impl Shell {
     /// Returns when work is due for the other position, if it is shown.
     pub(super) fn next_of_other(&self) -> Option<Instant> {
         let [.., width, height] = self.scan.placed.other_at;
-        if width * height > 0 && self.is_other_behind() {
+        let is_shown = width * height > 0 || !self.scan.placed.other_slices_at.is_empty();
+        if is_shown && self.is_other_behind() {
             return Some(self.due);
         }
         match self.other.as_ref().map(|other| &other.stage)? {
             Stage::Loading(_) => Some(self.due),
-            Stage::Flying(c) if width * height == 0 || c.rests() => {
-                c.next().into_iter().chain(self.pairing.next()).min()
-            }
+            Stage::Flying(c) if !is_shown || c.rests() => c.next().into_iter().chain(self.pairing.next()).min(),
             Stage::Flying(_) => Some(self.due),
             Stage::Failed(_) | Stage::Over => None,
         }
