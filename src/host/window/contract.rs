@@ -127,6 +127,15 @@ pub struct Context<'a> {
     pub(super) pairing: Option<(&'a Pairing, Side)>,
 }
 
+/// A picture below the interface beside those of the flight and its slices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Beside {
+    /// The flight through the patient's other position.
+    Other,
+    /// A slice of the patient's other position.
+    OtherSlice(Orientation),
+}
+
 /// The patient's position that is not worked in.
 #[derive(Clone, Copy)]
 pub(super) struct Other<'a> {
@@ -309,9 +318,8 @@ pub trait Panel {
 pub struct Requests {
     list: Vec<Intent>,
     flight_at: Option<Rect>,
-    other_at: Option<Rect>,
     slices_at: Vec<(Orientation, Rect)>,
-    other_slices_at: Vec<(Orientation, Rect)>,
+    beside_at: Vec<(Beside, Rect)>,
 }
 
 impl Requests {
@@ -403,25 +411,20 @@ impl Requests {
         self.flight_at
     }
 
-    /// Shows the picture of the patient's other position below the interface, in a rectangle in points.
-    pub(super) fn show_other(&mut self, at: Rect) {
-        self.other_at = Some(at);
-    }
-
-    /// Returns the rectangle of the other position's picture, points.
-    pub(super) fn other_at(&self) -> Option<Rect> {
-        self.other_at
+    /// Shows a picture below the interface, like the flight's, in a rectangle in points.
+    pub(super) fn show_beside(&mut self, which: Beside, at: Rect) {
+        self.beside_at.push((which, at));
     }
 
     /// Takes over requests that are the other position's.
     pub(super) fn of_other(&mut self, of_other: &mut Self) {
         self.list.extend(of_other.take().into_iter().map(|intent| Intent::OfOther(Box::new(intent))));
-        self.other_slices_at.append(&mut of_other.slices_at);
+        self.beside_at.extend(of_other.slices_at.drain(..).map(|(o, at)| (Beside::OtherSlice(o), at)));
     }
 
-    /// Returns the rectangles of the other position's slices, points.
-    pub(super) fn other_slices_at(&self) -> &[(Orientation, Rect)] {
-        &self.other_slices_at
+    /// Returns the rectangles of pictures beside the flight's, points.
+    pub(super) fn beside_at(&self) -> &[(Beside, Rect)] {
+        &self.beside_at
     }
 
     /// Takes all requests, in order.

@@ -8,12 +8,12 @@ use bevy_ecs::prelude::Entity;
 use winit::event_loop::ActiveEventLoop;
 use winit::window::{Window, WindowAttributes};
 
+use super::contract::Beside;
 use super::interface::Layout;
 use super::layer::Placed;
 use super::painter::Painter;
 use super::screen::Screen;
 use crate::components::output::Picture;
-use crate::components::slices::Orientation;
 use crate::error::Result;
 use crate::render::Frame;
 use crate::systems::present::Presenter;
@@ -26,9 +26,8 @@ pub(crate) struct Framebuffer {
     next: Option<(Places, Instant)>,
     /// The slices as they were last received.
     slices: Vec<(Entity, Frame)>,
-    /// The last picture of the patient's other position, and its slices.
-    other: Option<Frame>,
-    other_slices: Vec<(Orientation, Frame)>,
+    /// The other pictures as they were last received.
+    beside: Vec<(Beside, Frame)>,
     presented: Option<Result<PresentResult>>,
     /// Why the window system refused a picture.
     refused: Option<String>,
@@ -39,12 +38,10 @@ pub(crate) struct Framebuffer {
 pub(crate) struct Places {
     /// Position of the flight's picture; `None` if it is not shown.
     pub flight: Option<(usize, usize)>,
-    /// Position of the picture of the patient's other position; `None` if it is not shown.
-    pub other: Option<(usize, usize)>,
-    /// Positions of its slices.
-    pub other_slices: Vec<(Orientation, (usize, usize))>,
     /// Positions of the slices.
     pub slices: Vec<(Entity, (usize, usize))>,
+    /// Positions of other pictures.
+    pub beside: Vec<(Beside, (usize, usize))>,
 }
 
 /// Result of a presentation.
@@ -70,33 +67,23 @@ impl Framebuffer {
             painter: Painter::new()?,
             next: None,
             slices: Vec::new(),
-            other: None,
-            other_slices: Vec::new(),
+            beside: Vec::new(),
             presented: None,
             refused: None,
         })
     }
 
-    /// Removes the slices and the other position's picture, which belong to a scan that is closed, or not worked in any more.
+    /// Removes the slices and all beside them: they belong to a scan that is closed, or not worked in any more.
     pub(crate) fn forget_pictures(&mut self) {
         self.slices.clear();
-        self.other_slices.clear();
-        self.other = None;
+        self.beside.clear();
     }
 
-    /// Takes over a picture of the patient's other position.
-    pub(crate) fn show_other(&mut self, picture: &Frame) {
-        match &mut self.other {
-            Some(kept) => kept.clone_from(picture),
-            None => self.other = Some(picture.clone()),
-        }
-    }
-
-    /// Takes over a slice of the patient's other position.
-    pub(crate) fn show_other_slice(&mut self, orientation: Orientation, slice: &Frame) {
-        match self.other_slices.iter_mut().find(|s| s.0 == orientation) {
-            Some((_, kept)) => kept.clone_from(slice),
-            None => self.other_slices.push((orientation, slice.clone())),
+    /// Takes over a picture that is shown beside the flight's.
+    pub(crate) fn show_beside(&mut self, which: Beside, picture: &Frame) {
+        match self.beside.iter_mut().find(|b| b.0 == which) {
+            Some((_, kept)) => kept.clone_from(picture),
+            None => self.beside.push((which, picture.clone())),
         }
     }
 
@@ -145,20 +132,18 @@ impl Framebuffer {
         // Taken out while shown, since the presentation borrows the rest of `self`.
         let slices = std::mem::take(&mut self.slices);
         let flight = places.flight.zip(picture).map(|(at, (frame, _))| Placed { at, frame });
-        let other = std::mem::take(&mut self.other);
-        let other_slices = std::mem::take(&mut self.other_slices);
-        let beside = places.other.zip(other.as_ref()).map(|(at, frame)| Placed { at, frame });
-        let mut placed: Vec<Placed<'_>> = flight.into_iter().chain(beside).collect();
+        let beside = std::mem::take(&mut self.beside);
+        let mut placed: Vec<Placed<'_>> = flight.into_iter().collect();
         placed.extend(slices.iter().filter_map(|(entity, frame)| {
             let at = places.slices.iter().find(|p| p.0 == *entity)?.1;
             Some(Placed { at, frame })
         }));
-        placed.extend(other_slices.iter().filter_map(|(orientation, frame)| {
-            let at = places.other_slices.iter().find(|p| p.0 == *orientation)?.1;
+        placed.extend(beside.iter().filter_map(|(which, frame)| {
+            let at = places.beside.iter().find(|p| p.0 == *which)?.1;
             Some(Placed { at, frame })
         }));
         let shown = self.show(&placed);
-        (self.slices, self.other, self.other_slices) = (slices, other, other_slices);
+        (self.slices, self.beside) = (slices, beside);
         let traced_ms = picture.map_or(0.0, |(_, ms)| ms);
         self.presented = Some(shown.map(|p| PresentResult { traced_ms, ..p }));
     }

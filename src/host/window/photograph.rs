@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use egui::{Align2, LayerId, RawInput, Rect, Ui, pos2};
 
-use super::contract::Context;
+use super::contract::{Beside, Context};
 use super::interface::{Interface, WindowSize};
 use super::layer::Layer;
 use super::overlay::HudState;
@@ -46,12 +46,10 @@ impl std::fmt::Debug for Photograph {
 pub(crate) struct Views {
     /// The flight's picture, if it is shown.
     pub flight: Option<Rect>,
-    /// The picture of the patient's other position, if it is shown.
-    pub other: Option<Rect>,
-    /// The slices of the other position.
-    pub other_slices: Vec<(Orientation, Rect)>,
     /// The slices.
     pub slices: Vec<(Orientation, Rect)>,
+    /// Other pictures.
+    pub beside: Vec<(Beside, Rect)>,
 }
 
 impl Photograph {
@@ -59,9 +57,8 @@ impl Photograph {
     pub(crate) fn take(context: &Context<'_>, size: WindowSize, views: &Views) -> Option<Self> {
         let flight_at = views.flight.map(|at| size.in_pixels(at)).filter(|at| at[2] * at[3] > 0);
         let slices_at: Vec<_> = views.slices.iter().map(|(o, at)| (*o, size.in_pixels(*at))).collect();
-        let other_at = views.other.map(|at| size.in_pixels(at));
-        let other_slices_at: Vec<_> = views.other_slices.iter().map(|(o, at)| (*o, size.in_pixels(*at))).collect();
-        let beside = slices_at.iter().chain(&other_slices_at).map(|s| &s.1).chain(&other_at);
+        let beside_at: Vec<_> = views.beside.iter().map(|(b, at)| (*b, size.in_pixels(*at))).collect();
+        let beside = slices_at.iter().map(|s| &s.1).chain(beside_at.iter().map(|b| &b.1));
         let all = flight_at.iter().chain(beside).filter(|at| at[2] * at[3] > 0);
         let part = all.copied().reduce(around)?;
         let mut canvas = Frame::new(size.pixels.width, size.pixels.height);
@@ -71,13 +68,13 @@ impl Photograph {
             }
         }
         let other = context.of_other();
-        let of_other = other.as_ref().and_then(|o| o.flight.camera::<Picture>());
-        if let (Some(at), Some(picture)) = (other_at, of_other) {
-            put(&mut canvas, [at[0], at[1]], &picture.frame);
-        }
-        for (orientation, at) in &other_slices_at {
-            if let Some(view) = other.as_ref().and_then(|o| o.slice(*orientation)) {
-                put(&mut canvas, [at[0], at[1]], &view.frame);
+        for (which, at) in &beside_at {
+            let picture = match which {
+                Beside::Other => other.as_ref().and_then(|o| Some(&o.flight.camera::<Picture>()?.frame)),
+                Beside::OtherSlice(o) => other.as_ref().and_then(|other| Some(&other.slice(*o)?.frame)),
+            };
+            if let Some(picture) = picture {
+                put(&mut canvas, [at[0], at[1]], picture);
             }
         }
         // Messages tell what has just been done, and keys what can be.
@@ -89,11 +86,12 @@ impl Photograph {
             if let Some(at) = views.flight {
                 flight::draw_alone(context, ui, at, &hud);
             }
-            for ((orientation, at), other) in views.other_slices.iter().zip(other.iter().cycle()) {
-                slices::draw_alone(other, ui, *orientation, *at);
-            }
-            if let Some((at, other)) = views.other.zip(other.as_ref()) {
-                flight::draw_alone(other, ui, at, other.hud);
+            for (which, at) in &views.beside {
+                match (which, &other) {
+                    (Beside::Other, Some(other)) => flight::draw_alone(other, ui, *at, other.hud),
+                    (Beside::OtherSlice(o), Some(other)) => slices::draw_alone(other, ui, *o, *at),
+                    (Beside::Other | Beside::OtherSlice(_), None) => {}
+                }
             }
         })?;
         let labels = labels(context, views);
@@ -224,12 +222,7 @@ mod tests {
             let context = Context::new(c, &actions, &[], &hud).of_scan(Some(Path::new("a/case.nii")), Some(2));
             (Photograph::take(&context, size, views), labels(&context, views))
         };
-        let both = Views {
-            flight: Some(flight),
-            other: None,
-            other_slices: Vec::new(),
-            slices: vec![(Orientation::Axial, axial)],
-        };
+        let both = Views { flight: Some(flight), slices: vec![(Orientation::Axial, axial)], beside: Vec::new() };
         let (photo, [what, how]) = taken(&mut c, &both);
         assert!(what.starts_with("series 2") && !what.contains("case") && how.starts_with("view 90°"), "{what} {how}");
         assert!(how.contains("axial 0.1") && how.contains("mm per pixel"), "{how}");

@@ -489,8 +489,8 @@ impl Shell {
                 }
                 (Content::Flight(_), _) => {}
             }
-            let pictures = requests.flight_at().into_iter().chain(requests.other_at());
-            pictures.chain(requests.slices_at().iter().chain(requests.other_slices_at()).map(|s| s.1)).collect()
+            let beside = requests.slices_at().iter().map(|s| s.1).chain(requests.beside_at().iter().map(|b| b.1));
+            requests.flight_at().into_iter().chain(beside).collect()
         });
         match (output, self.workspace.take_broken()) {
             (Ok(output), false) => {
@@ -517,17 +517,10 @@ impl Shell {
             }
         }
         self.scan.placed.flight_at = requests.flight_at().map_or([0; 4], |at| size.in_pixels(at));
-        self.scan.placed.other_at = requests.other_at().map_or([0; 4], |at| size.in_pixels(at));
-        let in_pixels =
-            |list: &[(Orientation, egui::Rect)]| list.iter().map(|(o, at)| (*o, size.in_pixels(*at))).collect();
-        self.scan.placed.slices_at = in_pixels(requests.slices_at());
-        self.scan.placed.other_slices_at = in_pixels(requests.other_slices_at());
-        self.scan.placed.views = Views {
-            flight: requests.flight_at(),
-            other: requests.other_at(),
-            other_slices: requests.other_slices_at().to_vec(),
-            slices: requests.slices_at().to_vec(),
-        };
+        self.scan.placed.slices_at = requests.slices_at().iter().map(|(o, at)| (*o, size.in_pixels(*at))).collect();
+        self.scan.placed.beside_at = requests.beside_at().iter().map(|(b, at)| (*b, size.in_pixels(*at))).collect();
+        let (slices, beside_at) = (requests.slices_at().to_vec(), requests.beside_at().to_vec());
+        self.scan.placed.views = Views { flight: requests.flight_at(), slices, beside: beside_at };
         self.scan.placed.laid_out = Some((content, beside, size));
         self.laid_out_at = Some(now);
         match answer {
@@ -717,21 +710,15 @@ impl Shell {
                 let place =
                     |(o, [x, y, ..]): &(Orientation, [usize; 4])| Some((controller.slices().entity(*o)?, (*x, *y)));
                 let slices = self.scan.placed.slices_at.iter().filter_map(place).collect();
-                let [left, top, width, height] = self.scan.placed.other_at;
-                let other = (width * height > 0).then_some((left, top));
-                let other_slices = &self.scan.placed.other_slices_at;
+                let beside = &self.scan.placed.beside_at;
                 if let Some(mut framebuffer) = controller.framebuffer() {
-                    let beside = self.other.as_ref().filter(|_| is_other_new);
-                    if let Some(image) = beside.filter(|_| other.is_some()).and_then(OpenScan::image) {
-                        framebuffer.show_other(image);
-                    }
-                    for (orientation, _) in other_slices {
-                        if let Some(slice) = beside.and_then(|b| b.slice(*orientation)) {
-                            framebuffer.show_other_slice(*orientation, slice);
+                    for (which, _) in beside.iter().filter(|_| is_other_new) {
+                        if let Some(picture) = self.other.as_ref().and_then(|other| other.picture(*which)) {
+                            framebuffer.show_beside(*which, picture);
                         }
                     }
-                    let other_slices = other_slices.iter().map(|(o, [x, y, ..])| (*o, (*x, *y))).collect();
-                    framebuffer.prepare(layout, Places { flight, other, other_slices, slices });
+                    let beside = beside.iter().map(|(which, [x, y, ..])| (*which, (*x, *y))).collect();
+                    framebuffer.prepare(layout, Places { flight, slices, beside });
                 }
                 let shown = controller.show(due)?;
                 if let Some(shown) = &shown {

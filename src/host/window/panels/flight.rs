@@ -6,6 +6,7 @@ use glam::DVec3;
 use super::candidates::Marking;
 use super::{Context, Panel, PanelEntry, Requests, candidates, expected, findings, measures, notches};
 use crate::components::output::Picture;
+use crate::host::window::contract::Beside;
 use crate::host::window::intent::{EndAt, Intent};
 use crate::host::window::overlay::{self, Content, HudState};
 use crate::host::window::style::{ACCENT, Severity};
@@ -153,7 +154,7 @@ pub(super) fn other(context: &Context<'_>, ui: &mut Ui, requests: &mut Requests)
         (Content::Failed { text }, _) => overlay::unflown(&p, rect, text, None),
         (Content::Flight(_), Some(own)) => {
             if own.view.unflown().is_none() {
-                requests.show_other(rect);
+                requests.show_beside(Beside::Other, rect);
             }
             draw_alone(&own, ui, rect, own.hud);
             let is_here = |at| rect.contains(at) && ui.ctx().layer_id_at(at).is_none_or(|l| l == ui.layer_id());

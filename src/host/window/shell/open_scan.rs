@@ -10,7 +10,7 @@ use crate::components::slices::Orientation;
 use crate::error::{Error, Result, program_name};
 use crate::host::log::Log;
 use crate::host::window::assistant::Assistant;
-use crate::host::window::contract::{Other, WindowView, scan_name};
+use crate::host::window::contract::{Beside, Other, WindowView, scan_name};
 use crate::host::window::controller::FlightController;
 use crate::host::window::framebuffer::Framebuffer;
 use crate::host::window::interface::WindowSize;
@@ -22,7 +22,7 @@ use crate::host::window::present_timer::PresentTimer;
 use crate::host::window::{Finish, Opening, Resume, Shown};
 use crate::output;
 use crate::progress::Progress;
-use crate::render::Frame;
+use crate::render::{Frame, ImageSize};
 
 /// What becomes of a scan.
 pub(super) enum Stage {
@@ -40,10 +40,8 @@ pub(super) struct Placed {
     pub laid_out: Option<(Content, Option<Content>, WindowSize)>,
     /// Rectangle of the flight's picture in the window, pixels: left, top, width, height.
     pub flight_at: [usize; 4],
-    /// The same for the picture of the patient's other position.
-    pub other_at: [usize; 4],
-    /// The same for the slices of the other position.
-    pub other_slices_at: Vec<(Orientation, [usize; 4])>,
+    /// The same for pictures beside it.
+    pub beside_at: Vec<(Beside, [usize; 4])>,
     /// The same for the slices.
     pub slices_at: Vec<(Orientation, [usize; 4])>,
     /// All of them, in points.
@@ -51,6 +49,23 @@ pub(super) struct Placed {
     /// Serial number of the displayed layout.
     pub painted: Option<u64>,
     pub presented: PresentTimer,
+}
+
+impl Placed {
+    /// Returns the size of the picture of the other position, pixels.
+    pub(super) fn other(&self) -> ImageSize {
+        let at = self.beside_at.iter().find(|b| b.0 == Beside::Other);
+        at.map_or(ImageSize::default(), |(_, [.., width, height])| ImageSize::new(*width, *height))
+    }
+
+    /// Returns the slices of the other position, with their sizes, pixels.
+    pub(super) fn other_slices(&self) -> Vec<(Orientation, [usize; 2])> {
+        let slice = |(which, [.., width, height]): &(Beside, [usize; 4])| match which {
+            Beside::OtherSlice(orientation) => Some((*orientation, [*width, *height])),
+            Beside::Other => None,
+        };
+        self.beside_at.iter().filter_map(slice).collect()
+    }
 }
 
 /// The scan that is open or being opened.
@@ -180,15 +195,13 @@ impl OpenScan {
         Other { content, view, opened, is_first: !self.is_second }
     }
 
-    /// Returns the last picture of its flight.
-    pub(super) fn image(&self) -> Option<&Frame> {
-        if let Stage::Flying(c) = &self.stage { c.image() } else { None }
-    }
-
-    /// Returns a slice that it shows.
-    pub(super) fn slice(&self, orientation: Orientation) -> Option<&Frame> {
+    /// Returns a picture of it, as the position that is not worked in.
+    pub(super) fn picture(&self, which: Beside) -> Option<&Frame> {
         let Stage::Flying(c) = &self.stage else { return None };
-        c.slices().view(c.flight(), orientation).map(|view| &view.frame)
+        match which {
+            Beside::Other => c.image(),
+            Beside::OtherSlice(orientation) => c.slices().view(c.flight(), orientation).map(|view| &view.frame),
+        }
     }
 
     /// Returns the title of the window: the scan, and the program.

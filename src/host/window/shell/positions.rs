@@ -10,7 +10,7 @@ use crate::components::camera::Pose;
 use crate::components::input::HandCommand;
 use crate::error::Result;
 use crate::fields::matching::Side;
-use crate::host::window::contract::WindowView;
+use crate::host::window::contract::{Beside, WindowView};
 use crate::host::window::controller::FlightController;
 use crate::host::window::framebuffer::Framebuffer;
 use crate::host::window::intent::{ActionContext, Intent, SliceInput};
@@ -22,7 +22,6 @@ use crate::host::window::pairing::{Pairing, Position};
 use crate::host::window::stroke::Pressed;
 use crate::host::window::{Asked, Resume, unflown};
 use crate::output;
-use crate::render::ImageSize;
 
 /// What is said where a second position is needed.
 const NONE: &str = "there is no other position: open one in the panel Second position";
@@ -150,8 +149,8 @@ impl Shell {
         let position = which(&self.scan);
         if let (Some(mut framebuffer), Stage::Flying(c)) = (framebuffer, &mut self.scan.stage) {
             framebuffer.forget_pictures();
-            if let Some(shown) = other.image() {
-                framebuffer.show_other(shown);
+            if let Some(shown) = other.picture(Beside::Other) {
+                framebuffer.show_beside(Beside::Other, shown);
             }
             let camera = c.flight().app().camera_id();
             c.flight_mut().views().present_to(camera, framebuffer)?;
@@ -386,8 +385,7 @@ impl Shell {
 
     /// Does what a panel of the other position wants. What concerns the window itself is left out.
     pub(super) fn execute_in_other(&mut self, intent: Intent, now: Instant) {
-        let [.., width, height] = self.scan.placed.other_at;
-        let at = ActionContext { window: ImageSize::new(width, height), now };
+        let at = ActionContext { window: self.scan.placed.other(), now };
         // It is looked at apart.
         if matches!(intent, Intent::Slice(SliceInput::Click(_) | SliceInput::Point(_) | SliceInput::SetOut(_))) {
             self.pairing.is_linked = false;
@@ -435,28 +433,26 @@ impl Shell {
     /// As [`FlightController::advance`](crate::host::window::controller::FlightController::advance).
     pub(super) fn other_picture(&mut self, is_busy: bool, now: Instant) -> Result<bool> {
         self.pair(now);
-        let [.., width, height] = self.scan.placed.other_at;
-        let slices: Vec<_> = self.scan.placed.other_slices_at.iter().map(|(o, [.., w, h])| (*o, [*w, *h])).collect();
+        let (size, slices) = (self.scan.placed.other(), self.scan.placed.other_slices());
         let Some(Stage::Flying(c)) = self.other.as_mut().map(|other| &mut other.stage) else { return Ok(false) };
         c.advance(now)?;
         let mut is_new = false;
-        if width * height > 0 || !slices.is_empty() {
+        if size.pixels() > 0 || !slices.is_empty() {
             c.share_frames(is_busy);
-            if let Some(due) = c.prepare(ImageSize::new(width, height), &slices, now)? {
+            if let Some(due) = c.prepare(size, &slices, now)? {
                 is_new = true;
                 c.show(Some(due))?;
             }
         }
         if let Stage::Flying(own) = &mut self.scan.stage {
-            own.share_frames(is_new && width * height > 0);
+            own.share_frames(is_new && size.pixels() > 0);
         }
         Ok(is_new)
     }
 
     /// Returns when work is due for the other position, if it is shown.
     pub(super) fn next_of_other(&self) -> Option<Instant> {
-        let [.., width, height] = self.scan.placed.other_at;
-        let is_shown = width * height > 0 || !self.scan.placed.other_slices_at.is_empty();
+        let is_shown = !self.scan.placed.beside_at.is_empty();
         if is_shown && self.is_other_behind() {
             return Some(self.due);
         }
