@@ -12,7 +12,7 @@
 //! dynamics
 //! render
 //! components, schedule, surface
-//! polyps, coverage
+//! polyps, unfold, coverage
 //! systems
 //! app, plane, testing
 //! host, report
@@ -174,6 +174,8 @@
 //! - **Clearance**: the exact distance from one point to the wall, computed from the voxels around it and never overestimated:
 //!   [`fields::ClearanceFinder`].
 //! - **Phantom**: a synthetic colon with known ground truth: [`phantom`].
+//! - **Unfolding**: the wall cut open along the colon and laid flat: [`unfold`]. Its **chart** gives each point of the wall its distance along
+//!   the colon and its angle about it.
 //! - **Candidate**: [`polyps`]. A **detector** finds candidates. A **cap** is a part of the wall that bulges into the lumen in every
 //!   direction.
 //!
@@ -232,7 +234,7 @@ pub use colvis_flight::{components, coverage, schedule, systems, testing};
 #[doc(inline)]
 pub use colvis_host::host;
 #[doc(inline)]
-pub use colvis_imaging::{polyps, render, space, surface};
+pub use colvis_imaging::{polyps, render, space, surface, unfold};
 #[doc(inline)]
 pub use colvis_kernels::{dynamics, fields};
 #[doc(inline)]

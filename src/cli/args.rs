@@ -109,6 +109,8 @@ pub enum Command {
     Measure(MeasureArgs),
     /// Find which places of two scans of one patient belong together
     Match(MatchArgs),
+    /// Cut the colon open and lay it flat: a picture of its whole wall
+    Unfold(UnfoldArgs),
     /// Write the report of a reading, and its findings for other programs
     Case(CaseArgs),
     /// Make masks, centerlines, flights and more of many scans
@@ -504,6 +506,28 @@ pub struct MatchArgs {
     pub stats: Option<PathBuf>,
 }
 
+/// `unfold`'s arguments.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct UnfoldArgs {
+    /// Scan: NIfTI, MetaImage, NRRD, DICOM, or a folder of PNG slices
+    pub input: PathBuf,
+    /// Picture, the rectum on top, seen from inside with the patient's front in the middle (.png)
+    #[arg(long, value_name = "F.png")]
+    pub out: PathBuf,
+    /// Also write the wall's point of each pixel, mm LPS: float32 rows×columns×3, NaN where there is none
+    #[arg(long, value_name = "F.npy")]
+    pub map: Option<PathBuf>,
+    /// One end of what is shown: rectum, cecum, or X,Y,Z in mm LPS
+    #[arg(long, value_name = "P", allow_hyphen_values = true)]
+    pub from: Option<Point>,
+    /// The other end: rectum, cecum, or X,Y,Z in mm LPS
+    #[arg(long, value_name = "P", allow_hyphen_values = true)]
+    pub to: Option<Point>,
+    /// Write times, and how well the wall is shown, as JSON
+    #[arg(long, value_name = "F.json")]
+    pub stats: Option<PathBuf>,
+}
+
 /// `batch`'s arguments.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct BatchArgs {
@@ -516,7 +540,7 @@ pub struct BatchArgs {
     /// Make one table and one page of the cases in this folder, and tell which of the manifest are missing
     #[arg(long, value_name = "DIR", conflicts_with_all = ["do", "only", "shard", "jobs", "memory", "timeout"])]
     pub group: Option<PathBuf>,
-    /// What to make of each scan [default: all but case]
+    /// What to make of each scan [default: all but unfold and case]
     #[arg(long, value_name = "STEP,…", value_delimiter = ',')]
     pub r#do: Vec<Step>,
     /// Only this share of the cases, counted from 1
@@ -918,7 +942,7 @@ mod tests {
                 let expected = [&["colvis".to_owned(), command.get_name().to_owned()][..], &option, &["v".to_owned()]];
                 assert_eq!(moved, expected.concat().iter().map(OsString::from).collect::<Vec<_>>());
             }
-            let planned = Program::default().parse(line(&["unfold"]));
+            let planned = Program::default().parse(line(&["dataset"]));
             assert!(matches!(planned, Err(ParseError::NotBuilt(_))), "{option:?}");
             assert_eq!(place(&line(&["scan.nii"])), option.len() + 1, "an input is no option");
         }

@@ -55,6 +55,7 @@ impl Files {
             Some(Command::BatchWorker) => none(),
             Some(Command::Batch(a)) => none().reads(a.manifest.iter().chain(&a.group)).writes([&a.out]),
             Some(Command::Match(a)) => none().reads([&a.a, &a.b]).writes([&a.out]).writes(&a.stats),
+            Some(Command::Unfold(a)) => none().reads([&a.input]).writes([&a.out]).writes(a.map.iter().chain(&a.stats)),
             Some(Command::Measure(a)) => none().reads([&a.input]).writes(&a.out).writes(&a.stats),
             Some(Command::Phantom(a)) => {
                 let more = a.twin.iter().chain(&a.second).chain(&a.labels).chain(&a.truth);

@@ -8,7 +8,7 @@ use crate::cli::Program;
 use crate::cli::args::{self, Args};
 
 /// Options with a file that is read, as `command option`; all others are written. `*` stands for `fly` and its kin.
-const READ: [&str; 32] = [
+const READ: [&str; 33] = [
     "* input",
     "* second",
     "* answers",
@@ -27,6 +27,7 @@ const READ: [&str; 32] = [
     "candidates input",
     "match a",
     "match b",
+    "unfold input",
     "measure input",
     "case input",
     "case findings",

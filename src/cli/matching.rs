@@ -1,18 +1,16 @@
 //! `colvis match`: which places of two scans of one patient belong together.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use serde_json::json;
 
 use crate::app::Timings;
 use crate::cli::args::{Global, MatchArgs};
+use crate::cli::colon::Colon;
 use crate::cli::messages::say;
 use crate::cli::prepare;
-use crate::cli::shared::Use;
 use crate::error::{Error, Result};
 use crate::fields::matching::{Matching, has_line};
-use crate::fields::{Along, Lumen, lumen};
 use crate::output;
 use crate::progress::Progress;
 
@@ -23,7 +21,8 @@ pub(crate) fn run(args: &MatchArgs, global: &Global, progress: &Progress) -> Res
         [Some(&args.out), args.stats.as_ref()].into_iter().flatten().map(|p| p.as_path()).collect();
     output::check_folders(&outputs)?;
     let mut timings = Timings::default();
-    let (a, b) = (colon(&args.a, global, &mut timings, progress)?, colon(&args.b, global, &mut timings, progress)?);
+    let mut colon = |path| Colon::cleansed(path, global, &mut timings, progress).map(|(colon, _)| colon);
+    let (a, b) = (colon(&args.a)?, colon(&args.b)?);
     let matched = timings.time("match_s", || Matching::new((&a.lumen, &a.along), (&b.lumen, &b.along), progress))?;
     let Some(matched) = matched else {
         let [first, second] = [&a.lumen, &b.lumen].map(|lumen| lumen.segments.len());
@@ -62,34 +61,4 @@ pub(crate) fn run(args: &MatchArgs, global: &Global, progress: &Progress) -> Res
         output::write_json(path, &stats)?;
     }
     Ok(())
-}
-
-/// A colon, cleansed.
-struct Colon {
-    lumen: Lumen,
-    /// The measure along it: along the line of the scan as it is, if the order of its pieces is known.
-    along: Arc<Along>,
-    /// True if it is along the line of the cleansed scan.
-    is_cleansed: bool,
-}
-
-/// Returns the colon of a scan.
-fn colon(input: &Path, global: &Global, timings: &mut Timings, progress: &Progress) -> Result<Colon> {
-    // The command cleanses the scans itself; `--cleanse` must not do it first.
-    let global = Global { cleanse: false, ..global.clone() };
-    let mut read = prepare::load(input, &global, Use::Change, timings, progress)?;
-    let (lumen, _) = read.cleanse(None, true, timings, progress)?;
-    let along = lumen.along(&read.volume, progress)?;
-    if !along.is_whole() {
-        // Fluid may hide which way a piece runs, and a cleansed lumen keeps the order of the scan's.
-        let lumen = timings.time("cleansed_lumen_s", || lumen::find(&read.volume, progress))?;
-        let cleansed = timings.time("along_s", || Along::new(&read.volume, &lumen, progress))?;
-        if cleansed.is_whole() {
-            say(
-                "the order of the pieces of this colon is known only without its fluid: distances are those of `centerline --cleanse`",
-            );
-            return Ok(Colon { lumen, along: Arc::new(cleansed), is_cleansed: true });
-        }
-    }
-    Ok(Colon { lumen, along, is_cleansed: false })
 }

@@ -8,6 +8,7 @@ mod candidates;
 mod case;
 mod centerline;
 mod cleanse;
+mod colon;
 mod explain;
 mod files;
 mod fly;
@@ -30,6 +31,7 @@ mod shared;
 mod slice;
 mod surface;
 mod unbuilt;
+mod unfold;
 mod values;
 
 use std::any::Any;
@@ -434,6 +436,7 @@ fn run(program: &Program, args: Args) -> Result<()> {
             | Command::Segment(_)
             | Command::Candidates(_)
             | Command::Match(_)
+            | Command::Unfold(_)
             | Command::Measure(_)
             | Command::Case(_)
             | Command::Archive(_)
@@ -450,6 +453,7 @@ fn run(program: &Program, args: Args) -> Result<()> {
         Some(Command::Segment(a)) => segment::run(&a, &global, &progress),
         Some(Command::Measure(a)) => measure::run(&a, &global, &progress),
         Some(Command::Match(a)) => matching::run(&a, &global, &progress),
+        Some(Command::Unfold(a)) => unfold::run(&a, &global, &progress),
         Some(Command::Case(a)) => case::run(&a, &global, &progress),
         Some(Command::Batch(a)) => batch::run(&a, &global, &progress),
         Some(Command::BatchWorker) => work(program),

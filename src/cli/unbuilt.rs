@@ -7,15 +7,14 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use crate::error::{Error, program_name};
 
 /// Planned commands.
-const COMMANDS: [&str; 2] = ["unfold", "dataset"];
+const COMMANDS: [&str; 1] = ["dataset"];
 /// Planned options of built commands.
 const OPTIONS: [&str; 2] = ["--normals", "--truth"];
 /// Planned values of built options, and of the argument `<SUBJECT>`.
-const VALUES: [(&str, &str); 4] =
-    [("--camera", "fisheye"), ("--camera", "panorama"), ("<SUBJECT>", "unfold"), ("--do", "unfold")];
+const VALUES: [(&str, &str); 3] = [("--camera", "fisheye"), ("--camera", "panorama"), ("<SUBJECT>", "unfold")];
 
 /// Refuses a command that is not built yet; `place` is the command's position in the line. An input with such a name needs a path
-/// (`./unfold`) or an explicit command (`fly unfold`). Fails with status 2.
+/// (`./dataset`) or an explicit command (`fly dataset`). Fails with status 2.
 pub(super) fn check_command(line: &[OsString], place: usize) -> Result<(), Error> {
     let named = line.get(place).and_then(|a| a.to_str()).and_then(|a| COMMANDS.into_iter().find(|c| *c == a));
     named.map_or(Ok(()), |command| {
@@ -69,7 +68,7 @@ mod tests {
             assert!(told.contains("not built") && told.contains(&format!("./{command}")), "{told}");
             assert!(check_command(&line(&["colvis", "fly", command]), 1).is_ok(), "an input of that name");
         }
-        for command in ["fly", "segment", "", "./unfold"] {
+        for command in ["fly", "segment", "", "./dataset"] {
             assert!(!is_command(command) && check_command(&line(&["colvis", command]), 1).is_ok());
         }
     }

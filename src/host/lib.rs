@@ -16,7 +16,7 @@ pub(crate) use colvis_flight::testing;
 pub(crate) use colvis_flight::{components, schedule, systems};
 pub(crate) use colvis_imaging::render;
 #[cfg(feature = "window")]
-pub(crate) use colvis_imaging::{polyps, space};
+pub(crate) use colvis_imaging::{polyps, space, unfold};
 #[cfg(feature = "window")]
 pub(crate) use colvis_kernels::dynamics;
 #[cfg(any(feature = "window", test))]

@@ -33,6 +33,18 @@ pub fn write_grey_png(path: &Path, pixels: &[u8], [width, height]: [usize; 2]) -
     })
 }
 
+/// Writes an 8-bit colour image as PNG, red, green and blue of each pixel, completely or not at all. Width and height are in pixels, row 0
+/// is on top.
+///
+/// # Errors
+/// Returns status 5 if it cannot be written.
+#[doc(hidden)]
+pub fn write_rgb_png(path: &Path, pixels: &[[u8; 3]], [width, height]: [usize; 2]) -> Result<()> {
+    output::write_whole(path, |w| {
+        png::encode(w, pixels.as_flattened(), [width, height], png::ColorType::Rgb, png::Compression::Fast)
+    })
+}
+
 /// Speed at which the palette of a GIF image is chosen, 1 (best) to 30: the colours are learnt from every tenth pixel.
 const PALETTE_SPEED: i32 = 10;
 

@@ -10,6 +10,7 @@ pub mod render;
 mod shared;
 pub mod space;
 pub mod surface;
+pub mod unfold;
 
 #[doc(hidden)]
 pub use colvis_kernels::fields;

@@ -502,7 +502,7 @@ fn hints_name_the_program_that_runs() {
         let out = Command::new(&program).args(args).current_dir(folder.path()).output().unwrap();
         String::from_utf8_lossy(&[out.stdout, out.stderr].concat()).into_owned()
     };
-    for args in [&["--warp"][..], &["none.nii"], &["unfold"], &["--second", "a.nii"], &["info"], &["--keys", "fly"]] {
+    for args in [&["--warp"][..], &["none.nii"], &["dataset"], &["--second", "a.nii"], &["info"], &["--keys", "fly"]] {
         let told = told(args);
         assert!(told.contains("see viewer --help") && !told.contains("colvis --"), "{args:?}: {told}");
     }

@@ -27,7 +27,7 @@ const COMMANDS: [(&str, &str); 20] = [
     ("plane", "--headless --out"),
     ("report", "--out --scan --quick --steps --truth"),
     ("cleanse", "--out --from --stats"),
-    ("!unfold", ""),
+    ("unfold", "--out --map --from --to --stats"),
     ("measure", "--at --out --from --stats"),
     ("candidates", "--out --gallery --max --detector --from --stats"),
     ("match", "--out --stats"),
@@ -38,7 +38,7 @@ const COMMANDS: [(&str, &str); 20] = [
 /// Options with a fixed set of values. A `!` marks what is not built.
 const VALUES: [(&[&str], &str); 15] = [
     (&["archive"], "echo find get send"),
-    (&["batch", "--do"], "segment centerline cleanse fly candidates coverage surface case !unfold"),
+    (&["batch", "--do"], "segment centerline cleanse fly candidates coverage unfold surface case"),
     (&["fly", "--guide"], "tentacles potential path manual"),
     (&["fly", "--quality"], "high low adaptive reference"),
     (&["fly", "--preset"], "default colvis lean"),
@@ -120,12 +120,12 @@ fn values_are_there_or_told_as_not_built() {
 #[test]
 fn a_scan_named_as_a_command_is_opened_by_its_path() {
     let dir = tempfile::tempdir().unwrap();
-    std::fs::write(dir.path().join("unfold"), "no scan").unwrap();
+    std::fs::write(dir.path().join("dataset"), "no scan").unwrap();
     for (args, status) in [
-        (&["unfold", "--headless"][..], 2),
-        (&["./unfold", "--headless"], 3),
-        (&["fly", "unfold", "--headless"], 3),
-        (&["explain", "unfold", "--headless"], 3),
+        (&["dataset", "--headless"][..], 2),
+        (&["./dataset", "--headless"], 3),
+        (&["fly", "dataset", "--headless"], 3),
+        (&["explain", "dataset", "--headless"], 3),
     ] {
         let out = colvis().args(args).current_dir(dir.path()).output().unwrap();
         let said = String::from_utf8_lossy(&out.stderr);

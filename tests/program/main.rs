@@ -30,6 +30,7 @@ mod report;
 mod rust_source;
 mod second;
 mod slice;
+mod unfold;
 
 #[path = "../support"]
 mod support {

@@ -86,7 +86,7 @@ fn names_and_keys_that_are_taken_are_refused_with_both_owners() {
         (program().guide::<Keyed>().overlay(overlay("own", Some('z'))), ["guide keyed", "overlay own"]),
         (program().overlay(overlay("own", Some('1'))), ["guide tentacles", "overlay own"]),
         (program().command("render", "", do_nothing), ["a command of colvis", "a command of this program"]),
-        (program().command("unfold", "", do_nothing), ["a command of colvis", "a command of this program"]),
+        (program().command("dataset", "", do_nothing), ["a command of colvis", "a command of this program"]),
         (
             program().command("own", "", do_nothing).command("own", "", do_nothing),
             ["a command of this program", "another one"],

@@ -76,7 +76,7 @@ pub(crate) fn run(args: &BatchArgs, global: &Global, progress: &Progress) -> Res
     };
     let mut steps = args.r#do.clone();
     if steps.is_empty() {
-        steps.extend(Step::WITHOUT_FINDINGS);
+        steps.extend(Step::BY_DEFAULT);
     }
     let rows = manifest::read(manifest)?;
     let cases = manifest::only(rows.clone(), &args.only)?;

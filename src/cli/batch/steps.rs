@@ -23,6 +23,8 @@ pub enum Step {
     Candidates,
     /// What a flight along the centerline shows of the wall.
     Coverage,
+    /// The wall laid flat.
+    Unfold,
     /// The lumen's surface.
     Surface,
     /// The report of a reading; its findings are an option of the row.
@@ -31,18 +33,20 @@ pub enum Step {
 
 impl Step {
     /// All of them, in the order of records.
-    pub(super) const ALL: [Self; 8] = [
+    pub(super) const ALL: [Self; 9] = [
         Self::Segment,
         Self::Centerline,
         Self::Cleanse,
         Self::Fly,
         Self::Candidates,
         Self::Coverage,
+        Self::Unfold,
         Self::Surface,
         Self::Case,
     ];
-    /// All of them that need nothing but a scan.
-    pub(super) const WITHOUT_FINDINGS: [Self; 7] =
+    /// Those that are made unless some are chosen: a report needs findings, and the wall is laid flat only along a line from the rectum
+    /// to the cecum.
+    pub(super) const BY_DEFAULT: [Self; 7] =
         [Self::Segment, Self::Centerline, Self::Cleanse, Self::Fly, Self::Candidates, Self::Coverage, Self::Surface];
 
     /// Its name on the command line and in records.
@@ -54,6 +58,7 @@ impl Step {
             Self::Fly => "fly",
             Self::Candidates => "candidates",
             Self::Coverage => "coverage",
+            Self::Unfold => "unfold",
             Self::Surface => "surface",
             Self::Case => "case",
         }
@@ -68,6 +73,7 @@ impl Step {
             Self::Fly => &["flight.jsonl"],
             Self::Candidates => &["candidates.json"],
             Self::Coverage => &["coverage.json"],
+            Self::Unfold => &["unfolded.png"],
             Self::Surface => &["surface.ply"],
             Self::Case => &["report"],
         }
@@ -111,7 +117,7 @@ impl Step {
 
     /// True if its command changes the scan in memory.
     pub(super) fn changes_scan(self, options: &[RowOption]) -> bool {
-        matches!(self, Self::Cleanse | Self::Candidates | Self::Coverage | Self::Case)
+        matches!(self, Self::Cleanse | Self::Candidates | Self::Coverage | Self::Unfold | Self::Case)
             || options.iter().any(|o| o.name == "--cleanse")
     }
 
@@ -182,9 +188,18 @@ const OPTIONS: [Known; 22] = [
     known(
         "--from",
         ValueKind::Text,
-        &[Step::Segment, Step::Centerline, Step::Cleanse, Step::Fly, Step::Candidates, Step::Coverage, Step::Surface],
+        &[
+            Step::Segment,
+            Step::Centerline,
+            Step::Cleanse,
+            Step::Fly,
+            Step::Candidates,
+            Step::Coverage,
+            Step::Unfold,
+            Step::Surface,
+        ],
     ),
-    known("--to", ValueKind::Text, &[Step::Centerline, Step::Fly, Step::Coverage]),
+    known("--to", ValueKind::Text, &[Step::Centerline, Step::Fly, Step::Coverage, Step::Unfold]),
     known("--labels", ValueKind::Text, &[Step::Segment]),
     known("--method", ValueKind::Text, &[Step::Centerline]),
     known("--guide", ValueKind::Text, FLIGHTS),

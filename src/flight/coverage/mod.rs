@@ -22,7 +22,7 @@ mod wall;
 
 pub use live::LiveCoverage;
 pub use missed::{LookFrom, Missed, Scans};
-pub use paint::{CoveragePaint, paint_slice};
+pub use paint::{CoveragePaint, INK, OVER, paint_slice};
 pub use sight::{Coverage, FLATTEST_DEGREES, REACH_MM, Sight};
 pub use still::VIEWS_AT_ONCE;
 pub use wall::Wall;

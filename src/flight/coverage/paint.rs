@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use bevy_ecs::prelude::*;
-use glam::{IVec3, Vec3};
+use glam::{DVec3, IVec3, Vec3};
 use rayon::prelude::*;
 
 use super::live::LiveCoverage;
@@ -18,9 +18,9 @@ use crate::space::{PreparedVolume, first_crossing};
 /// Pixels between two rays that ask for the paint of the wall; it changes evenly in between.
 const STEP: usize = 6;
 /// The colour of what was not seen.
-const INK: [f32; 3] = [255.0, 80.0, 215.0];
+pub const INK: [f32; 3] = [255.0, 80.0, 215.0];
 /// Maximum opacity of the colour over the wall.
-const OVER: f32 = 0.62;
+pub const OVER: f32 = 0.62;
 /// Cells along the side of a block.
 const SIDE: i32 = 4;
 
@@ -96,6 +96,12 @@ impl CoveragePaint {
         let first = all.start + usize::from(first);
         let here = |p: &usize| (coverage.middle(*p)[0] / CELL_MM).floor().as_ivec3() == cell;
         (block, first..(first..all.end).find(|p| !here(p)).unwrap_or(all.end))
+    }
+
+    /// Returns how much of the wall at a place (world, mm) is painted at a time of the flight, s, 0 to 1. `inwards` is the unit normal into
+    /// the tissue.
+    pub fn share_at(&self, coverage: &LiveCoverage, place: DVec3, inwards: Vec3, seconds: f64) -> f32 {
+        self.amount(coverage, (place - coverage.wall().origin).as_vec3(), inwards, seconds as f32)
     }
 
     /// Returns how much of the wall at a place (mm from the wall's origin) that faces against `forward` is painted, 0 to 1: the

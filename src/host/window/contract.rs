@@ -12,6 +12,7 @@ use super::action::{Action, Actions};
 use super::assistant::Assistant;
 use super::document::Document;
 use super::finding_tool::FindingTool;
+use super::flat::Flat;
 use super::intent::{Intent, SliceInput, WhyNot};
 use super::kinds::Kinds;
 use super::measures::Measures;
@@ -95,6 +96,8 @@ pub(crate) trait WindowView {
     fn seen(&self) -> &Seen;
     /// Returns the kinds of gas.
     fn kinds(&self) -> &Kinds;
+    /// Returns the colon laid flat.
+    fn flat(&self) -> &Flat;
     /// Returns why the scan cannot be flown; `None` if it can.
     fn unflown(&self) -> Option<&str>;
     /// True if marks are drawn in the picture that the state for display does not contain.
@@ -134,6 +137,8 @@ pub(crate) enum Beside {
     Other,
     /// A slice of the patient's other position.
     OtherSlice(Orientation),
+    /// The colon laid flat.
+    Flat,
 }
 
 /// The patient's position that is not worked in.

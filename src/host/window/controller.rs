@@ -5,6 +5,7 @@ mod commanding;
 mod executing;
 mod faults;
 mod finding;
+mod flattening;
 mod history;
 mod looking;
 mod pairing;
@@ -32,6 +33,7 @@ use super::document::Document;
 use super::field_job;
 use super::figures::Figures;
 use super::finding_tool::FindingTool;
+use super::flat::Flat;
 use super::framebuffer::{Framebuffer, PresentResult};
 use super::keys::HeldKeys;
 use super::kinds::Kinds;
@@ -120,6 +122,8 @@ pub(crate) struct FlightController {
     unkept: Option<String>,
     /// The kinds of gas, found once somebody asks for them.
     kinds: Kinds,
+    /// The colon laid flat, once somebody asks for it.
+    flat: Flat,
     /// What of the wall was seen, watched once somebody asks for it.
     seen: Seen,
     /// The view that is looked at.
@@ -214,6 +218,7 @@ impl FlightController {
             detector: detectors::BUILT_IN[0],
             unkept: None,
             kinds,
+            flat: Flat::new(now),
             seen: Seen::new(now),
             looking: Looking::default(),
             document,
@@ -369,6 +374,7 @@ impl FlightController {
             planned,
             uncleansed,
             searched,
+            self.flat.next(),
             told,
         ]
         .into_iter()
@@ -711,6 +717,7 @@ impl FlightController {
         self.take_found(now);
         self.take_kinds(now);
         self.take_seen(now);
+        self.attention |= self.flat.take(&self.background, now);
         self.take_findings(now);
         self.take_quality(now);
         self.take_report(now);

@@ -7,6 +7,7 @@ use std::time::Instant;
 use glam::DVec3;
 
 use super::assistant::Showing;
+use super::flat::FlatInput;
 use super::keys::Hold;
 use crate::app::findings::{Morphology, Tissue};
 use crate::components::input::Command;
@@ -141,6 +142,8 @@ pub(crate) enum Intent {
 
     /// Show or hide the kinds of gas in the slices, and their panel.
     Kinds,
+    /// Look at the colon laid flat.
+    Flat(FlatInput),
     /// Give a kind to the chosen body of gas, or with `None` take back what was given.
     Kind(Option<GasKind>),
 

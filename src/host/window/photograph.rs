@@ -10,7 +10,7 @@ use super::interface::{Interface, WindowSize};
 use super::layer::Layer;
 use super::overlay::HudState;
 use super::painter::Artist;
-use super::panels::{flight, slices};
+use super::panels::{flat, flight, slices};
 use super::style::{self, DISCLAIMER, INK, SOFT, TEXT, angle};
 use crate::components::output::Picture;
 use crate::components::slices::Orientation;
@@ -72,6 +72,7 @@ impl Photograph {
             let picture = match which {
                 Beside::Other => other.as_ref().and_then(|o| Some(&o.flight.camera::<Picture>()?.frame)),
                 Beside::OtherSlice(o) => other.as_ref().and_then(|other| Some(&other.slice(*o)?.frame)),
+                Beside::Flat => Some(context.view.flat().frame()),
             };
             if let Some(picture) = picture {
                 put(&mut canvas, [at[0], at[1]], picture);
@@ -90,6 +91,7 @@ impl Photograph {
                 match (which, &other) {
                     (Beside::Other, Some(other)) => flight::draw_alone(other, ui, *at, other.hud),
                     (Beside::OtherSlice(o), Some(other)) => slices::draw_alone(other, ui, *o, *at),
+                    (Beside::Flat, _) => flat::draw_alone(context, ui, *at),
                     (Beside::Other | Beside::OtherSlice(_), None) => {}
                 }
             }

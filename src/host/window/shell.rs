@@ -19,7 +19,7 @@ use winit::window::{Fullscreen, Window, WindowId};
 
 use super::action::{Action, Actions};
 use super::background::Background;
-use super::contract::{Context, Requests, WindowView, refuse_action};
+use super::contract::{Beside, Context, Requests, WindowView, refuse_action};
 use super::controller::FlightController;
 use super::framebuffer::{Framebuffer, Places};
 use super::intent::{ActionContext, Intent};
@@ -671,7 +671,7 @@ impl Shell {
         self.lay_out(now, events)?;
         let [left, top, width, height] = self.scan.placed.flight_at;
         let flight = (width * height > 0).then_some((left, top));
-        let mut due = None;
+        let (mut due, mut is_flat_new) = (None, false);
         match &mut self.scan.stage {
             Stage::Flying(controller) => {
                 controller.advance(now)?;
@@ -685,6 +685,7 @@ impl Shell {
                 }
                 let slices: Vec<_> = self.scan.placed.slices_at.iter().map(|(o, [.., w, h])| (*o, [*w, *h])).collect();
                 due = controller.prepare(ImageSize::new(width, height), &slices, now)?;
+                is_flat_new = self.scan.placed.flat().is_some_and(|size| controller.draw_flat(size));
                 // The text over slices describes them at the time of the layout. At rest, nothing else triggers a new layout.
                 self.touched |= due.is_some() && !slices.is_empty() && controller.rests();
             }
@@ -702,7 +703,7 @@ impl Shell {
             // Minimised: the flight continues, but there is nothing to paint on.
             return Ok(());
         }
-        if due.is_none() && !is_other_new && !anew && self.scan.placed.painted == Some(layout.serial) {
+        if due.is_none() && !is_other_new && !is_flat_new && !anew && self.scan.placed.painted == Some(layout.serial) {
             return Ok(());
         }
         let shown = match &mut self.scan.stage {
@@ -711,7 +712,11 @@ impl Shell {
                     |(o, [x, y, ..]): &(Orientation, [usize; 4])| Some((controller.slices().entity(*o)?, (*x, *y)));
                 let slices = self.scan.placed.slices_at.iter().filter_map(place).collect();
                 let beside = &self.scan.placed.beside_at;
+                let flat = Some(controller.flat_frame().clone()).filter(|_| is_flat_new);
                 if let Some(mut framebuffer) = controller.framebuffer() {
+                    if let Some(flat) = &flat {
+                        framebuffer.show_beside(Beside::Flat, flat);
+                    }
                     for (which, _) in beside.iter().filter(|_| is_other_new) {
                         if let Some(picture) = self.other.as_ref().and_then(|other| other.picture(*which)) {
                             framebuffer.show_beside(*which, picture);

@@ -105,7 +105,7 @@ pub(super) fn regression(volume: &PreparedVolume) -> Regression {
 /// Returns a cell that contains `q`, counted from cell −1, and the position within it, 0 to 1. On the plane between two
 /// cells, either is valid.
 #[inline(always)]
-pub(super) fn split(q: Vec3) -> ([i32; 3], Vec3) {
+pub(crate) fn split(q: Vec3) -> ([i32; 3], Vec3) {
     let cell = round(q + 0.5).map(|c| c - 1);
     (cell, q - Vec3::from_array(cell.map(|c| c as f32)))
 }
@@ -118,7 +118,7 @@ pub(crate) fn nearest(q: Vec3) -> [i32; 3] {
 
 /// Returns the trilinear value of `volume` at `q`, in grown voxel coordinates, with air outside.
 #[inline(always)]
-pub(super) fn trilinear(volume: &Volume, q: Vec3) -> f32 {
+pub(crate) fn trilinear(volume: &Volume, q: Vec3) -> f32 {
     let (cell, t) = split(q);
     let [a, b, c, d, e, f, g, h] = Voxels::of(volume).corners(cell);
     let mix = |a: i16, b: i16, t: f32| {

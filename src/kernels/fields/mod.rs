@@ -9,6 +9,8 @@ pub mod clearance;
 pub mod connection;
 #[doc(hidden)]
 pub mod distance;
+pub mod frames;
+pub mod harmonic;
 pub mod lumen;
 pub mod matching;
 mod neighbours;

@@ -14,6 +14,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::background::{Background, BackgroundTask, LOOKS};
+use super::clean::Scanned;
 use super::cleansing::Cleansing;
 use super::job::Job;
 use crate::app::FlightApp;
@@ -247,15 +248,8 @@ pub(crate) fn answer_text(answer: Answer) -> &'static str {
 /// # Errors
 /// Returns status 1 if the system cannot start threads.
 fn begin(detector: Detector, flight: &FlightApp, cleansing: &Cleansing, background: &Background) -> Result<Job<Found>> {
-    let setup = flight.setup();
-    let input = search::Input {
-        volume: setup.volume.clone(),
-        lumen: Arc::clone(&setup.lumen),
-        told: setup.told.clone(),
-        tag: cleansing.tag(flight),
-        preset: setup.scene.image.preset,
-        detector,
-    };
+    let preset = flight.setup().scene.image.preset;
+    let input = search::Input { scan: Scanned::of(flight, cleansing), preset, detector };
     background.start_apart("assistant", move |progress| search::search(input, progress))
 }
 

@@ -9,16 +9,11 @@ use crate::components::camera::Pose;
 use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
 use crate::fields::AlongColon;
-use crate::fields::Lumen;
-use crate::fields::cleanse::{self, Cleansed};
-use crate::fields::lumen::{self, Told};
-use crate::host::window::cleansing::{Tag, boxed};
-use crate::host::window::shown::laid_over;
+use crate::host::window::clean::{Before, Clean, Scanned};
 use crate::panics::ask_plugin;
-use crate::polyps::{self, Candidate, Colon, Detector, Measurement, RESTORED_HU, Wall, detectors};
+use crate::polyps::{self, Candidate, Colon, Detector, Measurement, Wall, detectors};
 use crate::progress::Progress;
 use crate::render::{Frame, Preset, Quality, Reuse, Settings, renderer};
-use crate::space::PreparedVolume;
 use crate::volume::Volume;
 
 /// Candidates of the default method with a lower score are not listed. The scores of others have scales of their own.
@@ -31,24 +26,11 @@ pub(crate) const SIDE: usize = 160;
 /// What the search looks at.
 pub(crate) struct Input {
     /// The scan that is flown through.
-    pub(crate) volume: PreparedVolume,
-    /// Its lumen.
-    pub(crate) lumen: Arc<Lumen>,
-    /// Kinds that the reader gave to gas.
-    pub(crate) told: Vec<Told>,
-    /// What is known of its tag.
-    pub(crate) tag: Tag,
+    pub(crate) scan: Scanned,
     /// Renders the pictures.
     pub(crate) preset: Preset,
     /// Finds the candidates.
     pub(crate) detector: Detector,
-}
-
-/// The values that a scan had before its tag was taken out.
-enum Before {
-    Same,
-    Changes(Arc<Cleansed>),
-    Scan(Arc<Volume>),
 }
 
 /// A candidate in the list.
@@ -74,27 +56,16 @@ pub(crate) struct Found {
     pub(crate) bytes: usize,
 }
 
-/// A scan without tag.
-struct Clean {
-    volume: Arc<Volume>,
-    lumen: Arc<Lumen>,
-    before: Before,
-    /// The same around the colon, for pictures and measures.
-    around: PreparedVolume,
-    /// Bytes of that, if it was made here.
-    bytes: usize,
-}
-
 /// Looks for polyps.
 ///
 /// # Errors
 /// Returns status 4 if there is no colon, or if cancelled.
 pub(crate) fn search(input: Input, progress: &Progress) -> Result<Found> {
-    if input.lumen.segments.is_empty() {
+    if input.scan.lumen.segments.is_empty() {
         return Err(Error::incomplete("polyps", "no gas of a colon was found in the scan", "open a scan of a colon"));
     }
     let (preset, detector) = (input.preset, input.detector);
-    let Clean { volume, lumen, before, around, bytes } = clean(input, progress)?;
+    let Clean { volume, lumen, before, around, bytes } = input.scan.clean(progress)?;
     let along = lumen.along(&volume, progress)?;
     let wall = Wall::new(&volume, &lumen, around.transfer().iso(), progress)?;
     let all = polyps::find(&detector, &Colon { volume: &volume, lumen: &lumen, wall: &wall }, progress)?;
@@ -121,86 +92,24 @@ pub(crate) fn search(input: Input, progress: &Progress) -> Result<Found> {
     Ok(Found { list, wall, volume: around.shared_voxels(), before, bytes })
 }
 
-/// Returns the scan without tag, and the lumen in it.
-fn clean(input: Input, progress: &Progress) -> Result<Clean> {
-    let Input { volume, lumen: known, told, tag, .. } = input;
-    let scanned = volume.shared_voxels();
-    let as_it_is = |before: Before, volume: PreparedVolume, lumen: Arc<Lumen>| Clean {
-        volume: volume.shared_voxels(),
-        lumen,
-        before,
-        around: volume,
-        bytes: 0,
-    };
-    let again = |volume: &Volume| -> Result<Arc<Lumen>> {
-        let mut found = lumen::find_told(volume, &told, progress)?;
-        cleanse::keep_ends(&mut found, &known);
-        known.along(&scanned, progress)?;
-        found.keep_along(&known);
-        Ok(Arc::new(found))
-    };
-    match tag {
-        Tag::Absent => Ok(as_it_is(Before::Same, volume, Arc::clone(&known))),
-        Tag::Taken(cleansed) => Ok(as_it_is(Before::Changes(cleansed), volume, Arc::clone(&known))),
-        Tag::Beside(around) => {
-            let volume = Arc::new(laid_over(&scanned, around.voxels()));
-            let lumen = again(&volume)?;
-            Ok(Clean { volume, lumen, before: Before::Scan(scanned), around, bytes: 0 })
-        }
-        Tag::Unknown => {
-            let cleansed = cleanse::cleanse(&scanned, &known, progress)?;
-            if cleansed.changes.is_empty() {
-                return Ok(as_it_is(Before::Same, volume, Arc::clone(&known)));
-            }
-            let part = boxed(&scanned, &known, &cleansed.changes);
-            let around = volume.with_voxels(Arc::new(part));
-            let volume = Arc::new(cleansed.changes.applied(&scanned));
-            let lumen = again(&volume)?;
-            let bytes = around.voxels().bytes() + around.bytes();
-            Ok(Clean { volume, lumen, before: Before::Scan(scanned), around, bytes })
-        }
-    }
-}
-
 impl Found {
     /// Measures the lesion at a place of the wall (world, mm).
     ///
     /// # Errors
     /// Returns status 4 if nothing bulges there.
     pub(crate) fn measure(&self, at: DVec3) -> Result<Measurement> {
-        polyps::measure(&self.wall, &self.volume, at, |p| self.is_restored(p))
-    }
-
-    /// True if tag was taken out at a place (world, mm).
-    fn is_restored(&self, p: DVec3) -> bool {
-        let hu = |volume: &Volume| {
-            let [i, j, k] = volume.grid().voxel(p).round().to_array().map(|x| x as i64);
-            i32::from(volume.get(i, j, k))
-        };
-        let before = match &self.before {
-            Before::Same => return false,
-            Before::Scan(scan) => hu(scan),
-            Before::Changes(cleansed) => {
-                let grid = self.volume.grid();
-                let (dims, voxel) = (grid.dims(), grid.voxel(p).round().to_array());
-                if (0..3).any(|a| voxel[a] < 0.0 || voxel[a] >= dims[a] as f64) {
-                    return false;
-                }
-                let [i, j, k] = voxel.map(|x| x as usize);
-                let Some(hu) = cleansed.changes.get(grid.index(i, j, k)) else { return false };
-                i32::from(hu)
-            }
-        };
-        (before - hu(&self.volume)).abs() > RESTORED_HU
+        polyps::measure(&self.wall, &self.volume, at, |p| self.before.is_restored(&self.volume, p))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fields::{cleanse, lumen};
+    use crate::host::window::cleansing::{Tag, boxed};
     use crate::phantom::PhantomSettings;
     use crate::shared::shared;
-    use crate::space::TransferFunction;
+    use crate::space::{PreparedVolume, TransferFunction};
 
     /// Tag that is taken out here and tag that was taken out before give the same candidates.
     #[test]
@@ -215,7 +124,8 @@ mod tests {
         let found = [Tag::Unknown, Tag::Beside(part)].map(|tag| {
             let (volume, lumen) = (volume.clone(), Arc::clone(&lumen));
             let (preset, detector) = (Preset::default(), detectors::BUILT_IN[0]);
-            search(Input { volume, lumen, told: Vec::new(), tag, preset, detector }, &progress).unwrap()
+            search(Input { scan: Scanned { volume, lumen, told: Vec::new(), tag }, preset, detector }, &progress)
+                .unwrap()
         });
         let places = |f: &Found| f.list.iter().map(|e| (e.candidate.position, e.candidate.score)).collect::<Vec<_>>();
         assert!(!found[0].list.is_empty() && places(&found[0]) == places(&found[1]));
@@ -248,7 +158,10 @@ mod tests {
         let volume = PreparedVolume::new(scan, TransferFunction::default());
         let searched = |detector: Detector| {
             let (volume, lumen, preset) = (volume.clone(), Arc::clone(&lumen), Preset::default());
-            search(Input { volume, lumen, told: Vec::new(), tag: Tag::Absent, preset, detector }, &progress)
+            search(
+                Input { scan: Scanned { volume, lumen, told: Vec::new(), tag: Tag::Absent }, preset, detector },
+                &progress,
+            )
         };
         let found = searched(Detector { name: "first", summary: "", find: first }).unwrap();
         let list: Vec<_> = found.list.iter().map(|e| (e.candidate.position, e.candidate.score)).collect();

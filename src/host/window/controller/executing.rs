@@ -9,6 +9,7 @@ use crate::host::window::assistant::Assistant;
 use crate::host::window::contract::WindowView;
 use crate::host::window::document::Document;
 use crate::host::window::finding_tool::FindingTool;
+use crate::host::window::flat::Flat;
 use crate::host::window::intent::{ActionContext, FindingOf, Intent, WhyNot};
 use crate::host::window::kinds::Kinds;
 use crate::host::window::measures::Measures;
@@ -115,6 +116,7 @@ impl FlightController {
                 left = Some(I::Coverage);
             }
             I::ListMissed => self.list_missed(now),
+            I::Flat(input) => return self.flat_input(input, now),
             I::VisitMissed(n) => self.visit_missed(n, now),
             I::NextMissed => self.next_missed(now),
             I::Review => self.switch_review(now),
@@ -228,6 +230,10 @@ impl WindowView for FlightController {
 
     fn seen(&self) -> &Seen {
         &self.seen
+    }
+
+    fn flat(&self) -> &Flat {
+        self.own_flat()
     }
 
     fn kinds(&self) -> &Kinds {

@@ -8,6 +8,7 @@ mod archive;
 pub mod candidates;
 mod expected;
 pub mod findings;
+pub mod flat;
 pub mod flight;
 pub mod kinds;
 pub mod measures;
@@ -42,6 +43,7 @@ pub const BUILT_IN: &[PanelEntry] = &[
     kinds::PANEL,
     missed::PANEL,
     quality::PANEL,
+    flat::PANEL,
     second::PANEL,
     slices::OTHER_AXIAL,
     slices::OTHER_CORONAL,

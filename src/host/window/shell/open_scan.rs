@@ -58,11 +58,17 @@ impl Placed {
         at.map_or(ImageSize::default(), |(_, [.., width, height])| ImageSize::new(*width, *height))
     }
 
+    /// Returns the size of the colon laid flat, pixels; `None` if it is not shown.
+    pub(super) fn flat(&self) -> Option<ImageSize> {
+        let at = self.beside_at.iter().find(|b| b.0 == Beside::Flat)?;
+        Some(ImageSize::new(at.1[2], at.1[3]))
+    }
+
     /// Returns the slices of the other position, with their sizes, pixels.
     pub(super) fn other_slices(&self) -> Vec<(Orientation, [usize; 2])> {
         let slice = |(which, [.., width, height]): &(Beside, [usize; 4])| match which {
             Beside::OtherSlice(orientation) => Some((*orientation, [*width, *height])),
-            Beside::Other => None,
+            Beside::Other | Beside::Flat => None,
         };
         self.beside_at.iter().filter_map(slice).collect()
     }
@@ -200,6 +206,7 @@ impl OpenScan {
         let Stage::Flying(c) = &self.stage else { return None };
         match which {
             Beside::Other => c.image(),
+            Beside::Flat => None,
             Beside::OtherSlice(orientation) => c.slices().view(c.flight(), orientation).map(|view| &view.frame),
         }
     }

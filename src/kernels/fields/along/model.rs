@@ -123,7 +123,7 @@ impl Along {
 
     /// Returns the line if there is only one: that from the rectum to the cecum, where the segments are in order, also if the names of the
     /// parts are not known.
-    pub(in crate::fields) fn only_line(&self) -> Option<&Centerline> {
+    pub fn only_line(&self) -> Option<&Centerline> {
         match &self.lines[..] {
             [only] => Some(&only.line),
             _ => None,

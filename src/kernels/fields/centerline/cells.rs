@@ -40,7 +40,7 @@ impl Node {
 
 /// The shape of a cell: its sides, in voxels, are powers of two whose product is at most 64.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Shape {
+pub(in crate::fields) struct Shape {
     pub side: [usize; 3],
     /// For each axis, the cell's voxels on its first and on its last face.
     first: [u64; 3],
@@ -60,6 +60,11 @@ impl Shape {
             };
             side[least] *= 2;
         }
+        Self::with_sides(side)
+    }
+
+    /// Returns the shape with these sides: powers of two whose product is at most 64.
+    pub(in crate::fields) fn with_sides(side: [usize; 3]) -> Self {
         let face = |a: usize, at: usize| {
             (0..64usize)
                 .filter(|b| [b % side[0], b / side[0] % side[1], b / side[0] / side[1]][a] == at)
@@ -72,7 +77,7 @@ impl Shape {
         self.side[..a].iter().product()
     }
 
-    pub(super) fn offset(&self, bit: usize) -> [i64; 3] {
+    pub(in crate::fields) fn offset(&self, bit: usize) -> [i64; 3] {
         [bit % self.side[0], bit / self.side[0] % self.side[1], bit / self.side[0] / self.side[1]].map(|x| x as i64)
     }
 
@@ -92,7 +97,7 @@ impl Shape {
     }
 
     /// Returns the 6-connected piece of `all` that contains `seed`.
-    fn piece(&self, all: u64, seed: u64) -> u64 {
+    pub(in crate::fields) fn piece(&self, all: u64, seed: u64) -> u64 {
         let mut piece = seed;
         loop {
             let next = self.grown(piece) & all;
@@ -105,7 +110,12 @@ impl Shape {
 
     /// True if a piece of one cell touches a piece of the next cell along an axis.
     fn touches(&self, a: usize, here: u64, next: u64) -> bool {
-        ((here & self.last[a]) >> ((self.side[a] - 1) * self.stride(a))) & next != 0
+        self.contact(a, here, next) != 0
+    }
+
+    /// Returns the voxels of the next cell along an axis whose face is shared by a piece here and a piece there.
+    pub(in crate::fields) fn contact(&self, a: usize, here: u64, next: u64) -> u64 {
+        ((here & self.last[a]) >> ((self.side[a] - 1) * self.stride(a))) & next
     }
 }
 

@@ -22,7 +22,7 @@ use super::{Lumen, WallDistance};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 
-pub(in crate::fields) use cells::Cells;
+pub(in crate::fields) use cells::{Cells, Shape};
 pub use model::{BODY_MM, Centerline, Narrow};
 pub(in crate::fields) use nearest::NearestOnLines;
 pub(in crate::fields) use polyline::{length, smoothed, spaced};

@@ -259,8 +259,8 @@ fn read(forward: &[f32], after: &[f32], first: usize) -> Paired {
 
 #[cfg(test)]
 mod tests {
-    use super::super::image::Frame;
     use super::*;
+    use crate::fields::frames::Frame;
     use crate::math::hash;
     use glam::DVec3;
 

@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-use super::image::{Frame, STEP_MM};
 use super::{Matching, Paired};
 use crate::fields::Lumen;
+use crate::fields::frames::{Frame, STEP_MM};
 
 /// A wall is sought as far as this from the line, mm.
 const FAR_MM: f64 = 60.0;
