@@ -816,6 +816,8 @@ pub enum ReportSubject {
     Cleansing,
     /// The share of the wall that flights see.
     Coverage,
+    /// The colon laid flat.
+    Unfold,
     /// Polyp detectors.
     Candidates,
     /// All of them.

@@ -18,13 +18,13 @@ use crate::progress::Progress;
 use crate::render::CameraModel;
 use crate::report::render::{Extent, Subject};
 use crate::report::{
-    Effort, candidates, cleansing, coverage, dynamics, fields, gradients, perforation, render, scenes,
+    Effort, candidates, cleansing, coverage, dynamics, fields, gradients, perforation, render, scenes, unfold,
 };
 use crate::space::PreparedVolume;
 use crate::volume::Volume;
 
 /// The reports, with their names.
-const ALL: [(ReportSubject, &str); 9] = [
+const ALL: [(ReportSubject, &str); 10] = [
     (ReportSubject::Render, "render"),
     (ReportSubject::Gradients, "gradients"),
     (ReportSubject::Scenes, "scenes"),
@@ -33,6 +33,7 @@ const ALL: [(ReportSubject, &str); 9] = [
     (ReportSubject::Perforation, "perforation"),
     (ReportSubject::Cleansing, "cleansing"),
     (ReportSubject::Coverage, "coverage"),
+    (ReportSubject::Unfold, "unfold"),
     (ReportSubject::Candidates, "candidates"),
 ];
 
@@ -107,6 +108,12 @@ fn one(
             let (effort, seed, transfer) =
                 (Effort::new(args.quick), global.seed.unwrap_or(1), prepare::transfer(global)?);
             candidates::report(effort, seed, detectors, transfer, own, folder, progress)
+        }
+        ReportSubject::Unfold => {
+            // It is cleansed in any case, and not twice.
+            let own = Global { cleanse: false, ..global.clone() };
+            let scan = args.scan.as_deref().map(|s| scan(s, &own, progress)).transpose()?;
+            unfold::report(Effort::new(args.quick), global.seed.unwrap_or(1), scan, folder, progress)
         }
         ReportSubject::Fields => {
             let scan = args.scan.as_deref().map(|s| scan(s, global, progress)).transpose()?;

@@ -10,8 +10,8 @@ use crate::error::{Error, program_name};
 const COMMANDS: [&str; 1] = ["dataset"];
 /// Planned options of built commands.
 const OPTIONS: [&str; 2] = ["--normals", "--truth"];
-/// Planned values of built options, and of the argument `<SUBJECT>`.
-const VALUES: [(&str, &str); 3] = [("--camera", "fisheye"), ("--camera", "panorama"), ("<SUBJECT>", "unfold")];
+/// Planned values of built options.
+const VALUES: [(&str, &str); 2] = [("--camera", "fisheye"), ("--camera", "panorama")];
 
 /// Refuses a command that is not built yet; `place` is the command's position in the line. An input with such a name needs a path
 /// (`./dataset`) or an explicit command (`fly dataset`). Fails with status 2.
@@ -46,7 +46,7 @@ pub(super) fn refusal(e: &clap::Error) -> Option<Error> {
         ErrorKind::InvalidValue => {
             let value = text(ContextKind::InvalidValue);
             VALUES.into_iter().find(|v| *v == (option, value))?;
-            if option.starts_with('<') { format!("report {value}") } else { format!("{option} {value}") }
+            format!("{option} {value}")
         }
         _ => return None,
     };
@@ -82,7 +82,6 @@ mod tests {
         for (words, what) in [
             (&["colvis", "render", "--normals"][..], "--normals"),
             (&["colvis", "--camera", "fisheye"], "--camera fisheye"),
-            (&["colvis", "report", "unfold", "--out", "x"], "report unfold"),
         ] {
             assert_eq!(refused(words), Some((what.to_owned(), "is not built yet".to_owned())), "{words:?}");
         }

@@ -27,6 +27,8 @@ pub mod render;
 pub mod scenes;
 mod table;
 pub mod trials;
+#[doc(hidden)]
+pub mod unfold;
 
 /// Parts of `report dynamics` for a test against an independent solver, `tests/bench/independent.rs`. They may change at any time.
 #[doc(hidden)]

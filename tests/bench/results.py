@@ -3,7 +3,7 @@
 
     cargo build --release
     python3 tests/bench/results.py [--scan SCAN] [--vtk "COMMAND"] [--fields-peer "COMMAND"] [--display "COMMAND"]
-                                   [--parts frames,window,flights,fields,coverage,candidates,cleansing,perforation,render,gradients,dynamics,
+                                   [--parts frames,window,flights,fields,coverage,unfold,candidates,cleansing,perforation,render,gradients,dynamics,
                                    scenes,faults]
                                    [--mutants FOLDER] [--quick] [--check N] [--colvis BINARY] [--keep FOLDER] [--out RESULTS.md]
 
@@ -493,6 +493,12 @@ def coverage(b):
     return [command_block(command), findings(said), table(*pick(*read("flights"), columns))]
 
 
+def unfold(b):
+    read, said, command = b.report("unfold", *(["--scan", b.args.scan] if b.args.scan else []))
+    columns = ("wall", "method", "absent / %", "twice / %", "s1/s2, 5 %", "50 %", "95 %", "polyps", "shown once", "size error / mm", "time / s")
+    return [command_block(command), findings(said), table(*pick(*read("unfold"), columns))]
+
+
 def candidates(b):
     read, said, command = b.report("candidates")
     head, rows = read("sensitivity")
@@ -512,6 +518,7 @@ PARTS = {
     "flights": ("Flights by guide", flights),
     "fields": ("Lumen, wall distance, centerline", fields),
     "coverage": ("Coverage: the share of the wall that flights see", coverage),
+    "unfold": ("The colon laid flat", unfold),
     "candidates": ("Candidates: polyps found against false positives", candidates),
     "cleansing": ("Cleansing: the wall under tagged fluid", cleansing),
     "perforation": ("Random steps against the wall", perforation),

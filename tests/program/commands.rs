@@ -54,7 +54,7 @@ const VALUES: [(&[&str], &str); 15] = [
         &["phantom", "--with"],
         "folds polyps fluid bridges noise pools films stool inhomogeneous pseudo lesions decoys ileum stomach lungs collapsed pelvis touching",
     ),
-    (&["report"], "render gradients scenes dynamics fields perforation cleansing coverage candidates all !unfold"),
+    (&["report"], "render gradients scenes dynamics fields perforation cleansing coverage unfold candidates all"),
 ];
 
 fn told(args: &[&str]) -> String {

@@ -257,6 +257,32 @@ fn cleansing_is_reported() {
 
 #[test]
 #[ignore = "slow: a quick report"]
+fn unfolding_is_reported() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("u");
+    let said = run(&["report", "unfold", "--quick", "--out", out.to_str().unwrap()], 0);
+    let said = String::from_utf8_lossy(&said.stdout).into_owned();
+    let html = page(&out, 0);
+    let findings: Vec<&str> = said.lines().filter(|l| !l.starts_with("see ")).collect();
+    assert!(findings.len() == 5 && findings.iter().all(|f| html.contains(*f)), "{said}");
+    let (columns, rows) = csv(&out.join("unfold.csv"));
+    assert_eq!(rows.len(), 3 * 2, "two tubes and a phantom, two methods");
+    let number = |r: &[String], name: &str| {
+        let column = columns.iter().position(|c| c == name).unwrap();
+        r[column].parse::<f64>().unwrap()
+    };
+    for r in rows.iter().filter(|r| r[1] == "level sets") {
+        assert!(number(r, "absent / %") <= 2.0 && number(r, "twice / %") <= 0.2, "{r:?}");
+        assert!(number(r, "round trip, 99 % / mm") <= 0.5, "{r:?}");
+        assert_eq!(number(r, "polyps"), number(r, "shown once"), "{r:?}");
+    }
+    // Plain rays do not see behind folds.
+    let plain = rows.iter().find(|r| r[0].contains("phantom") && r[1] == "plain rays").unwrap();
+    assert!(number(plain, "absent / %") > 2.0, "{plain:?}");
+}
+
+#[test]
+#[ignore = "slow: a quick report"]
 fn coverage_is_reported() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("c");
