@@ -22,6 +22,8 @@
 //! | `coverage` | `Log` | watches what the flight has seen of the wall |
 //! | `clock` | `Clock` | counts the steps |
 //! | `raycast` | `RayCast` | traces the image |
+//! | `coats` | `PostProcess` | paints coated spots of the wall |
+//! | `translucency` | `PostProcess` | colours the wall by what lies behind it |
 //! | `slices` | `Slices` | draws slices that have changed |
 //! | `present` | `Present` | passes the image to a window or a recording |
 //!
@@ -30,6 +32,7 @@
 
 pub mod arrival;
 pub mod clock;
+pub mod coats;
 pub mod coverage;
 pub mod log;
 pub mod looks;
@@ -46,6 +49,7 @@ pub mod sense;
 pub mod slices;
 pub mod tentacles;
 pub mod trail;
+pub mod translucency;
 pub mod watch;
 
 use crate::dynamics::Potential;

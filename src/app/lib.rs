@@ -4,7 +4,11 @@
 //! flight steps it, renders its view, and passes on the operator's commands.
 
 #[doc(hidden)]
+pub mod boxed;
+#[doc(hidden)]
 pub mod catalog;
+#[doc(hidden)]
+pub mod coats;
 #[doc(hidden)]
 pub mod colon;
 pub mod explain;

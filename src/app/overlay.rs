@@ -6,6 +6,9 @@ use crate::FlightApp;
 use crate::error::Result;
 use crate::render::{Options, View};
 
+/// Shows an overlay with its settings in one of its ways, counted from 0, or hides it with `None`.
+pub type SwitchOverlay = fn(&mut FlightApp, Options, Option<usize>) -> Result<()>;
+
 /// A drawing that a window adds on top of its picture, toggled by a key.
 ///
 /// A recording contains the overlays that `fly --overlay` names, in a build with the feature `window`. Screenshots and rendered
@@ -23,6 +26,11 @@ pub struct Overlay {
     /// Draws it for the current state of the flight, with its settings ([`Canvas::options`]). It is called for each picture while
     /// the overlay is shown, so it should be fast.
     pub draw: fn(&FlightApp, &mut Canvas),
+    /// The ways in which it is shown: its key goes from one to the next, and then hides it. Empty if there is one way.
+    pub ways: &'static [&'static str],
+    /// Called when it is shown, in one of its ways, with its settings, and with `None` when it is hidden. For an overlay that changes the
+    /// pixels of the picture and not only draws marks.
+    pub switch: Option<SwitchOverlay>,
     /// Its settings: the table `[overlay.NAME]` of a scene file.
     pub options: Options,
     /// Checks its settings and returns an error (invalid usage) if they are invalid. Use [`Options::none`] for an overlay without
@@ -38,6 +46,8 @@ impl Overlay {
         key: None,
         shown: false,
         draw: |_, _| {},
+        ways: &[],
+        switch: None,
         options: Options::NONE,
         check: Options::none,
     };

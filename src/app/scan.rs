@@ -254,6 +254,11 @@ impl Scan {
         self.timings.add("septa_flags_s", begun.elapsed().as_secs_f64());
     }
 
+    /// True if tagged fluid or stool was taken out of this scan.
+    pub fn is_cleansed(&self) -> bool {
+        self.cleansed.as_ref().is_some_and(|c| !c.changes.is_empty())
+    }
+
     /// Replaces tagged fluid and stool of this scan by gas, in place if nothing shares its voxels. A scan without tagged fluid
     /// stays unchanged. Returns what was cleansed; its changes hold the values that the scan had.
     ///

@@ -9,8 +9,9 @@ use serde::Serialize;
 use crate::Timings;
 use crate::colon;
 use crate::error::Result;
+use crate::fields::cleanse::Cleansed;
 use crate::fields::{Along, Lumen};
-use crate::polyps::{self, Candidate, Colon, Detector, FEATURES, Wall};
+use crate::polyps::{self, Candidate, Coated, Coats, Colon, Detector, FEATURES, Wall};
 use crate::progress::Progress;
 use crate::volume::Volume;
 
@@ -35,13 +36,17 @@ pub struct CandidateEntry {
     pub segment: Option<usize>,
     /// Part of the colon.
     pub part: Option<&'static str>,
+    /// Share of the wall there that wears thin tag, 0 to 1; `None` if nobody looked for it.
+    pub coated: Option<f64>,
+    /// Mean thickness of that tag, mm; `None` without any.
+    pub coat_mm: Option<f64>,
     /// What was measured of it, by name.
     pub features: BTreeMap<&'static str, f64>,
 }
 
 impl CandidateEntry {
-    /// Creates the entry of a candidate.
-    pub fn new(rank: usize, candidate: &Candidate, along: &Along) -> Self {
+    /// Creates the entry of a candidate, of which so much is coated.
+    pub fn new(rank: usize, candidate: &Candidate, along: &Along, coated: Option<Coated>) -> Self {
         let lesion = candidate.lesion.as_ref();
         let place = along.of(candidate.position);
         Self {
@@ -54,6 +59,8 @@ impl CandidateEntry {
             along_mm: place.map(|p| p.mm),
             segment: place.map(|p| p.segment),
             part: place.and_then(|p| p.part),
+            coated: coated.map(|c| c.share),
+            coat_mm: coated.map(|c| c.thickness_mm).filter(|mm| *mm > 0.0),
             features: lesion.map_or_else(BTreeMap::new, |l| FEATURES.into_iter().zip(l.features).collect()),
         }
     }
@@ -99,8 +106,17 @@ impl Study {
         polyps::find(detector, &Colon { volume: &self.volume, lumen: &self.lumen, wall: &self.wall }, progress)
     }
 
-    /// Returns the entries of candidates, with ranks from 1.
-    pub fn entries(&self, found: &[Candidate]) -> Vec<CandidateEntry> {
-        found.iter().enumerate().map(|(n, c)| CandidateEntry::new(n + 1, c, &self.along)).collect()
+    /// Finds the thin tag on the wall, in the values as `scanned`. `cleansed` is what was cleansed, if anything was.
+    ///
+    /// # Errors
+    /// Returns status 4 if interrupted.
+    pub fn coats(&self, scanned: Option<&Volume>, cleansed: Option<&Cleansed>, progress: &Progress) -> Result<Coats> {
+        Coats::find(&self.wall, scanned.unwrap_or(&self.volume), cleansed, progress)
+    }
+
+    /// Returns the entries of candidates, with ranks from 1. `coats` are those of its wall, if they were looked for.
+    pub fn entries(&self, found: &[Candidate], coats: Option<&Coats>) -> Vec<CandidateEntry> {
+        let coated = |c: &Candidate| coats.map(|coats| coats.of(&self.wall, c));
+        found.iter().enumerate().map(|(n, c)| CandidateEntry::new(n + 1, c, &self.along, coated(c))).collect()
     }
 }

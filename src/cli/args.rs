@@ -260,9 +260,24 @@ pub struct RenderArgs {
     /// Also write depth as NumPy files
     #[arg(long)]
     pub depth: bool,
+    /// Colour the wall in the images
+    #[arg(long, value_enum)]
+    pub overlay: Option<WallOverlay>,
+    /// Scene file with the settings of --overlay
+    #[arg(long, value_name = "S.toml")]
+    pub scene: Option<PathBuf>,
     /// Write times and sample counts of the frames as JSON
     #[arg(long, value_name = "F.json")]
     pub stats: Option<PathBuf>,
+}
+
+/// An overlay that colours the wall.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum WallOverlay {
+    /// By what lies behind it: tag, fat, soft tissue or gas
+    Translucency,
+    /// Where thin tag lies on it
+    Coats,
 }
 
 /// `slice`'s arguments.

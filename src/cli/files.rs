@@ -25,7 +25,9 @@ impl Files {
             Some(Command::Fly(a)) => Self::fly(a),
             // It reads what the flight would read, and writes nothing.
             Some(Command::Explain(a)) => Self { written: Vec::new(), ..Self::fly(&a.fly) },
-            Some(Command::Render(a)) => none().reads([&a.input, &a.poses]).writes([&a.out]).writes(&a.stats),
+            Some(Command::Render(a)) => {
+                none().reads([&a.input, &a.poses]).reads(&a.scene).writes([&a.out]).writes(&a.stats)
+            }
             Some(Command::Slice(a)) => none().reads(&a.input).writes([&a.out]),
             Some(Command::Segment(a)) => none().reads([&a.input]).writes([&a.out]).writes(&a.stats).writes(&a.picture),
             Some(Command::Surface(a)) => none().reads(a.input.iter().chain(&a.mask)).writes([&a.out]).writes(&a.stats),

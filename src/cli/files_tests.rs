@@ -8,7 +8,7 @@ use crate::cli::Program;
 use crate::cli::args::{self, Args};
 
 /// Options with a file that is read, as `command option`; all others are written. `*` stands for `fly` and its kin.
-const READ: [&str; 33] = [
+const READ: [&str; 34] = [
     "* input",
     "* second",
     "* answers",
@@ -17,6 +17,7 @@ const READ: [&str; 33] = [
     "* scene",
     "render input",
     "render poses",
+    "render scene",
     "slice input",
     "segment input",
     "surface input",

@@ -9,16 +9,24 @@ use glam::DVec3;
 use serde::Deserialize;
 use serde_json::json;
 
-use crate::cli::args::{Global, ImageSize, QualityName, RenderArgs};
+use crate::app::boxed::boxed;
+use crate::app::coats::{COAT, find};
+use crate::app::overlays::translucency;
+use crate::app::{Scan, Scene};
+use crate::cli::args::{Global, ImageSize, QualityName, RenderArgs, WallOverlay};
 use crate::cli::messages::say;
 use crate::cli::{Program, prepare};
+use crate::components::translucent::Translucent;
 use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
 use crate::host::terminal::Bar;
 use crate::output;
 use crate::panics;
 use crate::progress::Progress;
+use crate::render::translucency::TranslucencySettings;
+use crate::render::wall_paint::{Pictured, SpotPaint};
 use crate::render::{CameraModel, Frame, Preset, Reuse, View, depths, renderer};
+use crate::volume::Volume;
 
 /// A list of poses for `--poses`. Unknown fields are ignored.
 #[derive(Deserialize)]
@@ -40,6 +48,9 @@ pub(crate) fn run(program: &Program, args: &RenderArgs, global: &Global, progres
     if args.no_reuse && args.quality == Some(QualityName::Adaptive) {
         let why = "with --quality adaptive each image builds on the one before";
         return Err(Error::usage("--no-reuse", why, "leave one of them out"));
+    }
+    if args.scene.is_some() && args.overlay.is_none() {
+        return Err(Error::usage("--scene", "has the settings of an overlay", "add --overlay, or leave it out"));
     }
     let stats: Vec<&Path> = args.stats.iter().map(PathBuf::as_path).collect();
     let preset = prepare::preset(program, args.preset.as_deref(), Preset::default())?;
@@ -66,8 +77,15 @@ pub(crate) fn run(program: &Program, args: &RenderArgs, global: &Global, progres
         .collect::<Result<_>>()?;
     output::make_folder(&args.out)?;
     output::check_folders(&stats)?;
+    let translucency = translucency(program, args)?;
+    let has_coats = args.overlay == Some(WallOverlay::Coats);
     let bar = Bar::show(progress);
-    let scan = prepare::open(Some(&args.input), global, preset, progress)?;
+    let mut scan = prepare::open(Some(&args.input), global, preset, progress)?;
+    let mut translucent = match translucency {
+        Some(settings) => Some(Translucent::new(settings, as_scanned(&mut scan)?)),
+        None => None,
+    };
+    let mut coats = if has_coats { Some(coats(&mut scan, progress)?) } else { None };
     let mut timings = scan.timings().clone();
     let reuse = if args.no_reuse { Reuse::Never } else { Reuse::Allowed };
     let make = || {
@@ -92,6 +110,13 @@ pub(crate) fn run(program: &Program, args: &RenderArgs, global: &Global, progres
             let what = format!("preset {}", preset.name);
             Error::fault(what, format!("panicked at pose {n}: {why}"), "fix it, or choose another preset")
         })?;
+        if let Some(translucent) = &mut translucent {
+            translucent.paint(scan.volume(), view, renderer.distances(), &mut frame);
+        }
+        if let Some(coats) = &mut coats {
+            let of = Pictured { volume: scan.volume(), scanned: None, view, distances: renderer.distances() };
+            coats.paint(of, &mut frame);
+        }
         if let Some((who, what)) = renderer.complaint().filter(|c| complaints.insert(c.clone())) {
             say(&format!("{who} {what}"));
         }
@@ -114,6 +139,35 @@ pub(crate) fn run(program: &Program, args: &RenderArgs, global: &Global, progres
         output::write_json(path, &m)
     });
     rendered.and(reported)
+}
+
+/// Returns the settings of the overlay, if it is asked for. Fails with status 2 if a setting is invalid.
+fn translucency(program: &Program, args: &RenderArgs) -> Result<Option<TranslucencySettings>> {
+    if args.overlay != Some(WallOverlay::Translucency) {
+        return Ok(None);
+    }
+    let overlay = match &args.scene {
+        Some(file) => Scene::read(file, &program.catalog)?.options.overlay(translucency::OVERLAY),
+        None => translucency::OVERLAY,
+    };
+    TranslucencySettings::read(overlay.options).map(Some)
+}
+
+/// Returns the scan as scanned, or of a cleansed one the part around the colon.
+fn as_scanned(scan: &mut Scan) -> Result<Arc<Volume>> {
+    if !scan.is_cleansed() {
+        return Ok(scan.volume().shared_voxels());
+    }
+    let (cleansed, lumen) = (scan.cleanse()?, scan.lumen()?);
+    Ok(Arc::new(boxed(scan.volume().voxels(), &lumen, &cleansed.changes)))
+}
+
+/// Returns the paint of coated spots.
+fn coats(scan: &mut Scan, progress: &Progress) -> Result<SpotPaint> {
+    let lumen = scan.lumen()?;
+    let cleansed = if scan.is_cleansed() { Some(scan.cleanse()?) } else { None };
+    let found = find(scan.volume(), &lumen, cleansed.as_deref(), &[], progress)?;
+    Ok(SpotPaint::new(found.places, COAT))
 }
 
 fn read(path: &Path, camera: CameraModel) -> Result<Poses> {

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::app::overlay::Mark;
+use crate::app::overlays::coats;
 use crate::app::plan::triple;
 use crate::app::{Canvas, FlightApp, Overlay};
 use crate::components::clock::Clock;
@@ -71,6 +72,12 @@ pub fn fly_on(
     if let Some(recorder) = recorder {
         let camera = flight.app().camera_id();
         if let Err(e) = flight.views().present_to(camera, Recording::new(recorder)) {
+            return (Vec::new(), Err(e));
+        }
+    }
+    for overlay in &outputs.overlays {
+        let known = if overlay.name == coats::OVERLAY.name { flight.find_coats() } else { Ok(()) };
+        if let Err(e) = known.and_then(|()| overlay.switch(flight, Some(0))) {
             return (Vec::new(), Err(e));
         }
     }

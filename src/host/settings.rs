@@ -8,6 +8,15 @@
 //! reverse = ["Z", "Ctrl+R"]
 //! light = []
 //!
+//! [translucency]               # what lies behind the wall; a scene's [overlay.translucency] comes before it
+//! depth_mm = 5.0               # how far behind the wall is looked (usual)
+//! lens = 0.2                   # the lens's radius as a share of the picture's shorter side (usual)
+//! [[translucency.ranges]]      # the table, from the least values to the largest; all ranges, or none for the usual ones
+//! name = "fat"
+//! hu = [-140, -40]             # between two ranges the colour changes evenly
+//! colour = [255, 205, 0]       # red, green, blue
+//! opacity = 0.3                # the share of the light that 1 mm of it stops
+//!
 //! [archive.hospital]           # an archive, for `colvis archive`
 //! host = "127.0.0.1"
 //! port = 4242
@@ -30,7 +39,11 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use super::folders::{self, Folder};
+use crate::app::Overlay;
+use crate::app::overlays::translucency;
 use crate::error::{Error, Result};
+use crate::render::Options;
+use crate::render::translucency::TranslucencySettings;
 
 /// The current version of the file format.
 const VERSION: u32 = 1;
@@ -55,6 +68,9 @@ pub struct Settings {
     /// The folder of screenshots.
     #[serde(default)]
     pub screenshots: Option<PathBuf>,
+    /// What lies behind the wall: [`TranslucencySettings`].
+    #[serde(default)]
+    pub translucency: toml::Table,
     /// Archives by their names.
     #[serde(default, rename = "archive")]
     pub archives: BTreeMap<String, ArchiveSettings>,
@@ -125,11 +141,12 @@ impl Settings {
             let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
             wrong(format!("line {line}: {}", e.message().lines().next().unwrap_or_default()))
         })?;
-        if settings.version == VERSION {
-            Ok(Some(settings))
-        } else {
-            Err(wrong(format!("has version {}; this program reads version {VERSION}", settings.version)))
+        if settings.version != VERSION {
+            return Err(wrong(format!("has version {}; this program reads version {VERSION}", settings.version)));
         }
+        TranslucencySettings::read(Options::new(settings.translucency.clone()))
+            .map_err(|e| wrong(format!("{} {}; {}", e.what, e.why, e.hint)))?;
+        Ok(Some(settings))
     }
 }
 
@@ -137,6 +154,17 @@ impl Settings {
 #[cfg(feature = "window")]
 pub(crate) fn screenshots() -> Option<PathBuf> {
     Settings::read(&file()?).ok()??.screenshots
+}
+
+/// Gives overlays that have no settings of the scene those of the user. A damaged file has been told of where its keys were read.
+pub fn of_user(mut overlays: Vec<Overlay>) -> Vec<Overlay> {
+    let own = |o: &&mut Overlay| o.name == translucency::OVERLAY.name && o.options.is_empty();
+    if let Some(overlay) = overlays.iter_mut().find(own)
+        && let Some(settings) = file().and_then(|path| Settings::read(&path).ok()?)
+    {
+        overlay.options = Options::new(settings.translucency);
+    }
+    overlays
 }
 
 /// Returns how a scan opens. A damaged file has been told of where its keys were read.
@@ -167,6 +195,8 @@ mod tests {
         assert_eq!(Settings::read(&path).unwrap().unwrap().opens, Opens::Flight);
         std::fs::write(&path, "version = 1\nopens = \"whole\"\n").unwrap();
         assert_eq!(Settings::read(&path).unwrap().unwrap().opens, Opens::Whole);
+        std::fs::write(&path, "version = 1\n[translucency]\ndepth_mm = 3\n").unwrap();
+        assert_eq!(Settings::read(&path).unwrap().unwrap().translucency["depth_mm"].as_integer(), Some(3));
         let archive = "version = 1\n[archive.a]\nhost = \"h\"\nport = 104\ntitle = \"T\"\n";
         std::fs::write(&path, format!("{archive}[archive.a.tls]\nca = \"ca.pem\"\n")).unwrap();
         let read = Settings::read(&path).unwrap().unwrap();
@@ -180,6 +210,8 @@ mod tests {
             ("", "version"),
             ("version = 1\n[keys]\nreverse = 3", "line 3"),
             ("version = 1\ncolour = 1", "colour"),
+            ("version = 1\n[translucency]\ndepth_mm = 0", "translucency.depth_mm is 0; give a number above 0"),
+            ("version = 1\n[translucency]\ndeep_mm = 1", "deep_mm"),
             ("\u{0}\u{1}", "line 1"),
         ] {
             std::fs::write(&path, text).unwrap();

@@ -5,13 +5,18 @@
 //! `tests/pictures/golden/*.png`. Look at the pictures before you commit them.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use colvis::phantom::{Phantom, PhantomSettings, Size};
+use colvis::progress::Progress;
 use colvis::render::camera::{self, CameraModel};
 use colvis::render::internals::{PacketRenderer, Pixels, levels};
+use colvis::render::translucency::{Translucency, TranslucencySettings};
+use colvis::render::wall_paint::{PaintedArea, Pictured};
 use colvis::render::{
-    Frame, Light, PreparedVolume, Preset, Quality, Renderer, Reuse, Settings, View, presets, renderer,
+    Frame, Light, PreparedVolume, Preset, Quality, Renderer, Reuse, Settings, TransferFunction, View, presets, renderer,
 };
+use fearless_simd::Level;
 use image::RgbImage;
 
 use crate::support::embedded::embedded;
@@ -89,6 +94,39 @@ fn every_level_and_light_makes_its_picture() {
         let mut all = on_threads(&volume, &view, Preset::default(), settings);
         all.extend(at_levels(&volume, &view, settings));
         hold(name, all);
+    }
+}
+
+/// What lies behind the wall of a phantom with tag, on one, two and eight threads, at every SIMD level, in the whole picture and in a lens.
+#[test]
+fn what_lies_behind_the_wall_is_the_same_bytes_everywhere() {
+    let settings =
+        PhantomSettings { size: Size::Small, pools: true, films: true, stool: true, ..PhantomSettings::default() };
+    let phantom = Phantom::new(&settings);
+    let voxels = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+    let volume = PreparedVolume::new(Arc::new(voxels), TransferFunction::default());
+    let at = phantom.axis().frame(phantom.axis().length() * 0.3);
+    let view = View::new(at.at, at.tangent * 2.0 + at.normal, at.binormal, 90.0, WIDTH, HEIGHT).unwrap();
+    let lens = PaintedArea::Lens { centre: [70.0, 60.0], radius: 40.0 };
+    let paint = |level: Option<Level>, area: PaintedArea, threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let (mut frame, table) = (Frame::default(), TranslucencySettings::default());
+        pool.install(|| {
+            let mut renderer = PacketRenderer::new(&volume, Settings::default(), Pixels::Needed);
+            renderer.render(&view, &mut frame);
+            let of = Pictured { volume: &volume, scanned: None, view: &view, distances: renderer.distances() };
+            let mut translucency = match level {
+                Some(level) => Translucency::with_level(table, level),
+                None => Translucency::new(table),
+            };
+            translucency.paint(of, area, &mut frame);
+        });
+        frame
+    };
+    for (name, area) in [("translucency", PaintedArea::Whole), ("translucency-lens", lens)] {
+        let threads = [1, 2, 8].map(|n| (format!("on {n} threads"), paint(None, area, n)));
+        let levels = levels().into_iter().map(|(level, simd)| (format!("with {level}"), paint(Some(simd), area, 2)));
+        hold(name, threads.into_iter().chain(levels));
     }
 }
 

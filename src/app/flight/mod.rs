@@ -1,12 +1,14 @@
 //! A flight: a scan entity, a camera entity, and the schedules over them.
 
 mod assemble;
+mod coats;
 mod commands;
 mod connecting;
 mod review;
 mod rounds;
 mod survey;
 mod told;
+mod translucent;
 pub(crate) mod views;
 
 use std::sync::Arc;
@@ -29,12 +31,14 @@ use crate::fields::{Lumen, WallDistance};
 use crate::flight_fields::Fields;
 use crate::panics;
 use crate::plan::{self, Plan};
+use crate::polyps::CoatedPlaces;
 use crate::progress::Progress;
 use crate::render::{Frame, Reuse, Settings, View, renderer};
 use crate::scene::Scene;
 use crate::schedule::{App, at_home, note};
 use crate::space::PreparedVolume;
 use crate::systems;
+use crate::volume::Volume;
 
 pub use commands::CommandRecord;
 pub use review::TourPlan;
@@ -68,6 +72,10 @@ pub struct FlightApp {
     sound: Option<Pose>,
     queries: views::Queries,
     connecting: connecting::Connecting,
+    /// The values as scanned, if what is flown was cleansed and somebody has asked for them.
+    scanned: Option<Arc<Volume>>,
+    /// The coated spots of the scan, once they were found.
+    coats: Option<Arc<CoatedPlaces>>,
 }
 
 /// What a flight flies through, where, and how.
@@ -155,6 +163,8 @@ impl FlightApp {
             sound: None,
             queries,
             connecting,
+            scanned: None,
+            coats: None,
         };
         flight.rebuild()?;
         flight.views().prepare()?;

@@ -2,13 +2,28 @@
 
 use std::time::Instant;
 
-use super::{forces, gaps, mines, tentacles};
+use super::{coats, forces, gaps, mines, tentacles, translucency};
 use crate::error::{Error, Result};
 use crate::schedule::book_time;
 use crate::{Canvas, FlightApp, Overlay, panics};
 
 /// All overlays of this crate.
-pub const BUILT_IN: [Overlay; 4] = [tentacles::OVERLAY, mines::OVERLAY, forces::OVERLAY, gaps::OVERLAY];
+pub const BUILT_IN: [Overlay; 6] =
+    [tentacles::OVERLAY, mines::OVERLAY, forces::OVERLAY, gaps::OVERLAY, translucency::OVERLAY, coats::OVERLAY];
+
+impl Overlay {
+    /// Shows it in a flight in one of its [ways](Overlay::ways), counted from 0, or hides it with `None`. Call it before its marks are drawn.
+    ///
+    /// # Errors
+    /// Returns its own error, or status 1 if it panics.
+    pub fn switch(&self, flight: &mut FlightApp, way: Option<usize>) -> Result<()> {
+        let Some(switch) = self.switch else { return Ok(()) };
+        let switched = panics::catch(|| switch(flight, self.options, way));
+        switched.unwrap_or_else(|why| {
+            Err(Error::fault(format!("overlay {}", self.name), format!("panicked: {why}"), "fix it, or hide it"))
+        })
+    }
+}
 
 impl Canvas {
     /// Runs an overlay's drawing function. If it panics, its marks are removed.

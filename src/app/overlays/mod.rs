@@ -1,5 +1,5 @@
 //! Built-in overlays: the camera's tentacles, the mines and forces that act on it (paper, figures 4 and 5), and how the colon
-//! continues beyond the gas, drawn over the picture.
+//! continues beyond the gas, drawn over the picture, and what lies behind and on the wall, as its colour.
 //!
 //! Each is one file, with its entry in [`BUILT_IN`]. All are hidden at first, and nothing is computed for a hidden one. What a
 //! picture cannot show, because it begins at the eye or is behind the camera, is drawn in two small views of the surroundings
@@ -9,11 +9,13 @@
 //! None is close to the pink of the wall, and no information is conveyed by colour alone.
 
 mod built_in;
+pub mod coats;
 pub mod forces;
 pub mod gaps;
 pub mod mines;
 pub mod surroundings;
 pub mod tentacles;
+pub mod translucency;
 
 pub use built_in::BUILT_IN;
 

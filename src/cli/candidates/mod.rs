@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use crate::app::Timings;
+use crate::app::boxed::boxed;
 use crate::app::colon::WALL_MM;
 use crate::app::study::Study;
 use crate::cli::Program;
@@ -18,7 +19,7 @@ use crate::cli::prepare;
 use crate::cli::shared::Use;
 use crate::error::Result;
 use crate::output;
-use crate::polyps::detectors;
+use crate::polyps::{CoatedSpot, Coats, detectors};
 use crate::progress::Progress;
 
 /// How far beyond the lumen the scan is kept for pictures, mm.
@@ -34,13 +35,17 @@ pub(crate) fn run(program: &Program, args: &CandidatesArgs, global: &Global, pro
     // The command cleanses the scan itself; `--cleanse` must not do it first.
     let global = Global { cleanse: false, ..global.clone() };
     let mut input = prepare::load(&args.input, &global, Use::Change, &mut timings, progress)?;
-    let (lumen, _) = input.cleanse(args.from.map(|p| p.0), true, &mut timings, progress)?;
+    let (lumen, cleansed) = input.cleanse(args.from.map(|p| p.0), true, &mut timings, progress)?;
     let volume = input.into_volume();
+    let scanned = cleansed.as_ref().map(|c| boxed(&volume, &lumen, &c.changes));
+    let cleansed = cleansed.map(|c| c.without_values());
     let beyond = if args.gallery.is_some() { PICTURE_MM } else { WALL_MM };
     let study = Study::new(volume, lumen, transfer.iso(), beyond, &mut timings, progress)?;
+    let coats = timings.time("coats_s", || study.coats(scanned.as_ref(), cleansed.as_ref(), progress))?;
+    drop(scanned);
     let mut found = timings.time("candidates_s", || study.find(&detector, progress))?;
     found.truncate(args.max.unwrap_or(usize::MAX));
-    let entries = study.entries(&found);
+    let entries = study.entries(&found, Some(&coats));
     output::write_json(&args.out, &json!({ "candidates": entries }))?;
     let wall_bytes = study.wall.bytes();
     if let Some(folder) = &args.gallery {
@@ -51,12 +56,20 @@ pub(crate) fn run(program: &Program, args: &CandidatesArgs, global: &Global, pro
     }
     if let Some(path) = &args.stats {
         let mut stats = prepare::stats_head(&timings);
-        for (name, value) in [("candidates", json!(entries.len())), ("wall_bytes", json!(wall_bytes))] {
+        for (name, value) in
+            [("candidates", json!(entries.len())), ("coats", json!(spots(&coats))), ("wall_bytes", json!(wall_bytes))]
+        {
             stats.insert(name.to_owned(), value);
         }
         output::write_json(path, &stats)?;
     }
     Ok(())
+}
+
+/// Returns the coated spots, largest first.
+fn spots(coats: &Coats) -> Vec<serde_json::Value> {
+    let spot = |s: &CoatedSpot| json!({"place": s.place, "normal": s.normal, "area_mm2": s.area_mm2, "thickness_mm": s.thickness_mm});
+    coats.spots.iter().map(spot).collect()
 }
 
 /// Rejects outputs whose folder is missing, and makes the gallery's folder. Fails with status 5 if a folder is missing or cannot be

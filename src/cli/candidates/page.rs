@@ -117,6 +117,12 @@ impl Card<'_> {
             ("volume", self.entry.volume_mm3, "mm³"),
         ];
         facts.extend(measures.into_iter().filter_map(|(name, v, unit)| v.map(|v| format!("{name} {v:.1} {unit}"))));
+        facts.extend(
+            self.entry
+                .coated
+                .zip(self.entry.coat_mm)
+                .map(|(share, mm)| format!("coated: {:.0} %, {mm:.1} mm of tag", 100.0 * share)),
+        );
         facts.extend(self.entry.along_mm.zip(self.entry.segment).map(|(mm, segment)| {
             let from = if is_ordered { "from the rectum" } else { "from its end nearer to the rectum" };
             let part = self.entry.part.map_or_else(String::new, |p| format!("{p}, "));
@@ -288,6 +294,8 @@ mod tests {
             along_mm: Some(12.0),
             segment: Some(1),
             part: Some("sigmoid"),
+            coated: Some(0.8),
+            coat_mm: Some(1.5),
             features: std::collections::BTreeMap::new(),
         };
         let all = [1, 2, 3].map(entry);

@@ -20,6 +20,7 @@ use crate::cli::values::Point;
 use crate::components::input::{HandCommand, TimedCommand};
 use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
+use crate::host::settings;
 use crate::host::window::{self, Asked, ReportOrder, Resume};
 use crate::polyps::detectors;
 use crate::progress::Progress;
@@ -37,7 +38,7 @@ pub(crate) fn fly(
         return Err(Error::usage("--record", "a window does not record", "add --headless"));
     }
     let scene = scene(program, args, global, Screen::Window)?;
-    let overlays = overlays(program, args, &scene)?;
+    let overlays = settings::of_user(overlays(program, args, &scene)?);
     let guides = scene.guides.clone();
     let timings = Arc::new(Mutex::new(Timings::default()));
     let flown = Rc::new(Cell::new(false));

@@ -5,6 +5,7 @@
 
 pub mod camera;
 pub mod clock;
+pub mod coats;
 pub mod flight;
 pub mod guide;
 pub mod input;
@@ -15,3 +16,4 @@ pub mod scan;
 pub mod slices;
 pub mod still;
 pub mod trail;
+pub mod translucent;

@@ -35,6 +35,10 @@ pub enum Slot {
     Coverage,
     /// The system that paints the wall that was not seen.
     CoveragePaint,
+    /// The system that paints coated spots of the wall.
+    Coats,
+    /// The system that colours the wall by what lies behind it.
+    Translucency,
     /// The system that restores the size of pictures after post-processes.
     PictureSize,
 }

@@ -115,7 +115,7 @@ fn table() -> Vec<Action> {
         shared(SLAB_ROW, "slab-kind", "projection of a slab: mean, maximum, minimum", "Ctrl+6", I::SlabKind),
         action("slices-reset", "slices: reset", "Ctrl+9", I::ResetSlices),
         action("open", "open another scan", "Ctrl+O", I::Files),
-        shared(POSITION_ROW, "position", "work in the patient's other position", "O", I::OtherPosition),
+        shared(POSITION_ROW, "position", "work in the patient's other position", "F9", I::OtherPosition),
         shared(POSITION_ROW, "same-place", "go to the same place in the other position", "F7", I::SamePlace),
         shared(POSITION_ROW, "link", "fly both positions together, or stop that", "F8", I::Link),
         action("measure", "measure a distance with two clicks, stop measuring", "M C", I::Measure),

@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::cleansing::{Cleansing, Tag, boxed};
+use super::cleansing::{Cleansing, Tag};
 use super::shown::laid_over;
 use crate::app::FlightApp;
+use crate::app::boxed::boxed;
 use crate::error::Result;
 use crate::fields::Lumen;
 use crate::fields::cleanse::{self, Cleansed};
@@ -29,7 +30,7 @@ pub(crate) struct Scanned {
 pub(crate) enum Before {
     Same,
     Changes(Arc<Cleansed>),
-    Scan(Arc<Volume>),
+    Scan(Arc<Volume>, Arc<Cleansed>),
 }
 
 /// A scan without tag.
@@ -79,10 +80,10 @@ impl Scanned {
         match tag {
             Tag::Absent => Ok(as_it_is(Before::Same, volume, Arc::clone(&known))),
             Tag::Taken(cleansed) => Ok(as_it_is(Before::Changes(cleansed), volume, Arc::clone(&known))),
-            Tag::Beside(around) => {
+            Tag::Beside(around, known_tag) => {
                 let volume = Arc::new(laid_over(&scanned, around.voxels()));
                 let lumen = again(&volume)?;
-                Ok(Clean { volume, lumen, before: Before::Scan(scanned), around, bytes: 0 })
+                Ok(Clean { volume, lumen, before: Before::Scan(scanned, known_tag), around, bytes: 0 })
             }
             Tag::Unknown => {
                 let cleansed = cleanse::cleanse(&scanned, &known, progress)?;
@@ -94,7 +95,8 @@ impl Scanned {
                 let volume = Arc::new(cleansed.changes.applied(&scanned));
                 let lumen = again(&volume)?;
                 let bytes = around.voxels().bytes() + around.bytes();
-                Ok(Clean { volume, lumen, before: Before::Scan(scanned), around, bytes })
+                let before = Before::Scan(scanned, Arc::new(cleansed.without_values()));
+                Ok(Clean { volume, lumen, before, around, bytes })
             }
         }
     }
@@ -109,7 +111,7 @@ impl Before {
         };
         let before = match self {
             Self::Same => return false,
-            Self::Scan(scan) => hu(scan),
+            Self::Scan(scan, _) => hu(scan),
             Self::Changes(cleansed) => {
                 let grid = clean.grid();
                 let (dims, voxel) = (grid.dims(), grid.voxel(p).round().to_array());

@@ -7,24 +7,20 @@ use std::time::Instant;
 
 use bevy_ecs::prelude::Entity;
 use colvis_scan::memory;
-use glam::DVec3;
 use serde::Serialize;
 
 use super::background::{Background, BackgroundTask};
+use crate::app::boxed::boxed;
 use crate::app::{FlightApp, Setup};
 use crate::components::output::Picture;
 use crate::components::scan::Scan;
 use crate::error::Result;
-use crate::fields::Lumen;
-use crate::fields::cleanse::{self, Changes, Cleansed};
+use crate::fields::cleanse::{self, Cleansed};
 use crate::progress::Progress;
 use crate::space::PreparedVolume;
-use crate::volume::Volume;
 
 /// Why there is only one scan, if there is no tag.
 const NO_TAG: &str = "the colon contains no tagged fluid or stool";
-/// How far beyond the lumen the box reaches, mm: farther than rays see into its wall, and slabs are thick.
-const BEYOND_MM: f64 = 12.0;
 
 /// What a window knows of the scan without tag.
 pub(crate) struct Cleansing {
@@ -33,6 +29,8 @@ pub(crate) struct Cleansing {
     /// True if the scan is shown without tag as soon as that is known.
     is_wanted: bool,
     took: Option<Took>,
+    /// What is known of the tag, without its values.
+    known: Arc<Cleansed>,
 }
 
 /// What finding the scan without tag took, for the statistics.
@@ -64,8 +62,8 @@ pub(crate) enum Tag {
     Absent,
     /// It was taken out of the scan that is flown through. The changes hold the values that the scan had.
     Taken(Arc<Cleansed>),
-    /// It is in the scan, and this is the part around the colon without it.
-    Beside(PreparedVolume),
+    /// It is in the scan, and this is the part around the colon without it, and what else is known of it.
+    Beside(PreparedVolume, Arc<Cleansed>),
     /// Nothing.
     Unknown,
 }
@@ -78,7 +76,13 @@ struct Found {
 
 impl Cleansing {
     pub(crate) fn new(now: Instant) -> Self {
-        Self { stage: Stage::Waiting, task: BackgroundTask::new(now), is_wanted: true, took: None }
+        Self {
+            stage: Stage::Waiting,
+            task: BackgroundTask::new(now),
+            is_wanted: true,
+            took: None,
+            known: Arc::default(),
+        }
     }
 
     /// Leaves the work out, for a reason that tells why there is one scan only.
@@ -140,12 +144,16 @@ impl Cleansing {
             self.stage = Stage::One(NO_TAG);
             return Ok(Some(String::new()));
         };
+        self.known = Arc::new(cleansed.without_values());
         self.took = Some(Took {
             text: cleansed.to_string(),
             seconds,
             changed_bytes: cleansed.changes.bytes(),
             box_bytes: other.voxels().bytes() + other.bytes(),
         });
+        if is_flown_without_tag(flight) {
+            flight.keep_scanned(other.shared_voxels());
+        }
         self.stage = Stage::Both(flight.app_mut().world.spawn(Scan(other)).id());
         self.show(flight);
         // A flight through the fluid has said so already.
@@ -169,9 +177,11 @@ impl Cleansing {
         }
         match self.stage {
             Stage::One(NO_TAG) => Tag::Absent,
-            Stage::Both(other) => {
-                flight.app().world.get::<Scan>(other).map_or(Tag::Unknown, |scan| Tag::Beside(scan.0.clone()))
-            }
+            Stage::Both(other) => flight
+                .app()
+                .world
+                .get::<Scan>(other)
+                .map_or(Tag::Unknown, |scan| Tag::Beside(scan.0.clone(), Arc::clone(&self.known))),
             _ => Tag::Unknown,
         }
     }
@@ -245,42 +255,17 @@ fn is_flown_without_tag(flight: &FlightApp) -> bool {
     flight.setup().cleansed.as_ref().is_some_and(|c| !c.changes.is_empty())
 }
 
-/// Returns the part of the volume around the lumen and around all changes, with these.
-pub(crate) fn boxed(volume: &Volume, lumen: &Lumen, changes: &Changes) -> Volume {
-    let grid = volume.grid();
-    let [nx, ny, _] = grid.dims();
-    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let mut add = |voxel: DVec3| (low, high) = (low.min(voxel), high.max(voxel));
-    for [a, b] in lumen.segments.iter().map(|s| s.bounds_mm) {
-        // The corners of a box in the world may be any in the grid.
-        (0..8).for_each(|n| add(grid.voxel(DVec3::select(glam::BVec3::new(n & 1 > 0, n & 2 > 0, n & 4 > 0), a, b))));
-    }
-    for (voxels, _) in changes.runs() {
-        let row = voxels.start / nx;
-        // A run may go on in the next row.
-        let last = (voxels.end - 1) / nx;
-        let ends = if row == last { [voxels.start % nx, (voxels.end - 1) % nx] } else { [0, nx - 1] };
-        for (i, row) in ends.into_iter().zip([row, last]) {
-            add(DVec3::new(i as f64, (row % ny) as f64, (row / ny) as f64));
-        }
-    }
-    let beyond = BEYOND_MM / grid.spacing();
-    let last = DVec3::from_array(grid.dims().map(|d| (d - 1) as f64));
-    let [low, high] = [(low - beyond).floor(), (high + beyond).ceil()]
-        .map(|v| v.clamp(DVec3::ZERO, last).to_array().map(|c| c as usize));
-    changes.applied_to_box(volume, low, high)
-}
-
 #[cfg(test)]
 mod tests {
     use std::thread;
     use std::time::Duration;
 
-    use glam::DMat3;
+    use glam::{DMat3, DVec3};
 
     use super::*;
     use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scene};
     use crate::components::slices::{Orientation, SliceView};
+    use crate::fields::cleanse::Changes;
     use crate::fields::lumen;
     use crate::host::window::contract::WindowView;
     use crate::host::window::controller::FlightController;
@@ -288,7 +273,7 @@ mod tests {
     use crate::phantom::PhantomSettings;
     use crate::render::{ImageSize, Settings};
     use crate::shared::shared;
-    use crate::volume::Grid;
+    use crate::volume::{Grid, Volume};
 
     /// A flight through the phantom once both scans are at hand, or it is known that there is one.
     fn flown(guide: &'static str, fluid: bool) -> FlightController {

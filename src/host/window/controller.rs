@@ -179,13 +179,14 @@ impl FlightController {
     /// # Errors
     /// Returns status 1 if the system cannot start threads.
     pub(crate) fn new(
-        flight: FlightApp,
+        mut flight: FlightApp,
         background: Background,
         overlays: Vec<Overlay>,
         actions: Rc<Actions>,
     ) -> Result<Self> {
         let now = Instant::now();
         let view_renderer = ViewRenderer::new(background.wake())?;
+        let overlays = Overlays::new(overlays, &mut flight)?;
         let scene = &flight.setup().scene;
         let automatic = scene.guide().into_iter().chain(scene.guides.iter()).find(|g| g.automatic);
         let last_guide = automatic.map_or("", |g| g.name);
@@ -228,7 +229,7 @@ impl FlightController {
             has_shown: false,
             background,
             last_guide,
-            overlays: Overlays::new(overlays),
+            overlays,
             actions,
             own: Rc::default(),
             scale: 1.0,

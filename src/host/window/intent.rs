@@ -64,6 +64,8 @@ pub(crate) enum Intent {
     Tag,
     /// Show or hide the overlay with this number.
     Overlay(usize),
+    /// Move the lens that shows what lies behind the wall to a pixel of the picture.
+    MoveLens([f64; 2]),
 
     /// A pointer's input to a slice.
     Slice(SliceInput),

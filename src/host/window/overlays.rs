@@ -2,7 +2,7 @@
 
 use crate::app::overlay::{Canvas, Mark};
 use crate::app::{FlightApp, Overlay};
-use crate::error::Error;
+use crate::error::{Error, Result};
 
 /// Height of the bar and the text lines that [`flight`](super::overlay::flight) draws over the picture's lower edge, points. This
 /// is the height in a narrow window, where it is largest, so that overlays do not jump as the window's size changes.
@@ -12,32 +12,64 @@ const FOOT: f32 = 80.0;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Overlays {
     all: Vec<Overlay>,
-    shown: Vec<bool>,
+    /// In which of its ways each is shown.
+    shown: Vec<Option<usize>>,
 }
 
 impl Overlays {
     /// Creates the list with the initial visibility of each overlay.
-    pub(crate) fn new(all: Vec<Overlay>) -> Self {
-        let shown = all.iter().map(|o| o.shown).collect();
-        Self { all, shown }
+    ///
+    /// # Errors
+    /// Returns the error of an overlay that cannot be shown in the flight.
+    pub(crate) fn new(all: Vec<Overlay>, flight: &mut FlightApp) -> Result<Self> {
+        let shown: Vec<_> = all.iter().map(|o| o.shown.then_some(0)).collect();
+        for (overlay, way) in all.iter().zip(&shown).filter(|o| o.1.is_some()) {
+            overlay.switch(flight, *way)?;
+        }
+        Ok(Self { all, shown })
     }
 
-    /// Shows or hides an overlay by its number.
-    pub(crate) fn switch(&mut self, number: usize) {
-        if let Some(shown) = self.shown.get_mut(number) {
-            *shown = !*shown;
+    /// Goes on to the next of the ways in which an overlay is shown, by its number, or hides it. Returns what to tell.
+    ///
+    /// # Errors
+    /// Returns the error of an overlay that cannot be shown in the flight. It is hidden.
+    pub(crate) fn switch(&mut self, number: usize, flight: &mut FlightApp) -> Result<Option<String>> {
+        let (Some(overlay), Some(shown)) = (self.all.get(number), self.shown.get_mut(number)) else { return Ok(None) };
+        let next = shown.map_or(0, |way| way + 1);
+        *shown = (next < overlay.ways.len().max(1)).then_some(next);
+        let (way, done) = (*shown, overlay.switch(flight, *shown));
+        if done.is_err() {
+            *shown = None;
+        }
+        let told = || way.map_or("hidden", |way| overlay.ways[way]);
+        done.map(|()| (!overlay.ways.is_empty()).then(|| format!("{}: {}", overlay.name, told())))
+    }
+
+    /// True if the overlay of that name is shown.
+    pub(crate) fn is_shown(&self, name: &str) -> bool {
+        self.all.iter().zip(&self.shown).any(|(o, shown)| o.name == name && shown.is_some())
+    }
+
+    /// Shows what is shown anew, because what it shows has become known.
+    pub(crate) fn refresh(&mut self, flight: &mut FlightApp) {
+        for (overlay, shown) in self.all.iter().zip(&mut self.shown).filter(|o| o.1.is_some()) {
+            if overlay.switch(flight, *shown).is_err() {
+                *shown = None;
+            }
         }
     }
 
     /// Returns the marks of the visible overlays, on a screen of `scale` pixels per point. Does nothing if none is visible. An
     /// overlay that panics is hidden, and its error returned.
     pub(crate) fn draw(&mut self, flight: &FlightApp, scale: f32) -> (Vec<Mark>, Option<Error>) {
-        let Some(view) = flight.view().filter(|_| self.shown.contains(&true)) else { return (Vec::new(), None) };
+        let Some(view) = flight.view().filter(|_| self.shown.iter().any(Option::is_some)) else {
+            return (Vec::new(), None);
+        };
         let mut canvas = Canvas::at_scale(view, scale).with_foot(FOOT);
         let mut fault = None;
-        for (overlay, shown) in self.all.iter().zip(&mut self.shown).filter(|o| *o.1) {
+        for (overlay, shown) in self.all.iter().zip(&mut self.shown).filter(|o| o.1.is_some()) {
             if let Err(e) = canvas.draw(overlay, flight) {
-                *shown = false;
+                *shown = None;
                 fault = Some(e);
             }
         }

@@ -9,6 +9,7 @@ use super::photograph::Photograph;
 use crate::app::FlightApp;
 use crate::components::camera::Pose;
 use crate::components::output::Picture;
+use crate::components::translucent::Translucent;
 use crate::error::{Error, Result};
 use crate::panics;
 use crate::progress::Progress;
@@ -32,6 +33,8 @@ pub(crate) struct PictureRequest {
     pub settings: Settings,
     /// The renderer.
     pub preset: Preset,
+    /// What shows what lies behind the wall, if anything does.
+    pub translucent: Option<Translucent>,
     /// The views that it is saved among; `None` for the image alone.
     pub views: Option<Arc<Photograph>>,
 }
@@ -45,19 +48,25 @@ impl PictureRequest {
         let (camera, fov_degrees, preset) = (picture.camera, picture.fov_degrees, picture.preset);
         let size = ImageSize::new(size.width.max(1), size.height.max(1));
         let (scan, pose) = (flight.shown_scan().clone(), flight.pose());
-        Some(Self { scan, pose, size, camera, fov_degrees, settings, preset, views: None })
+        let translucent = flight.camera::<Translucent>().cloned();
+        Some(Self { scan, pose, size, camera, fov_degrees, settings, preset, translucent, views: None })
     }
 
     fn trace(self) -> Result<Traced> {
         let (a, ImageSize { width, height }) = (self.pose.attitude, self.size);
         let view = View::with_model(self.pose.position, a.forward, a.up, self.camera, self.fov_degrees, width, height)?;
         let mut frame = Frame::new(width, height);
-        let traced = panics::catch(|| {
-            renderer(&self.scan, self.settings, self.preset, Reuse::Never).render(&view, &mut frame);
-        });
+        let mut renderer = panics::ask_plugin(
+            || format!("preset {}", self.preset.name),
+            || Ok(renderer(&self.scan, self.settings, self.preset, Reuse::Never)),
+        )?;
+        let traced = panics::catch(|| renderer.render(&view, &mut frame));
         traced.map_err(|why| {
             Error::fault(format!("preset {}", self.preset.name), format!("panicked: {why}"), "choose another preset")
         })?;
+        if let Some(mut translucent) = self.translucent.clone() {
+            translucent.paint(&self.scan, &view, renderer.distances(), &mut frame);
+        }
         Ok(Traced { request: self, frame })
     }
 }
@@ -135,6 +144,7 @@ mod tests {
             fov_degrees: 90.0,
             settings: Settings::new(Quality::High),
             preset: Preset::default(),
+            translucent: None,
             views: None,
         };
         let mut screenshots = ScreenshotRenderer::new(Arc::new(|| {})).unwrap();

@@ -229,7 +229,9 @@ impl ViewRenderer {
             return Ok(beside.then(|| Due { now, rest: false, stays: true, begun: Instant::now() }));
         }
         let rest = self.shown.is_some_and(|s| s.is(&now));
-        let done = rest && !self.is_refining(flight);
+        // What is painted over it may have changed.
+        let is_due = !self.empty && flight.camera::<Picture>().is_some_and(|p| p.due);
+        let done = rest && !is_due && !self.is_refining(flight);
         let others = flight.views().mark_unfinished();
         if done && !others {
             return Ok(beside.then(|| Due { now, rest, stays: true, begun: Instant::now() }));

@@ -8,6 +8,7 @@ pub mod answers;
 pub(crate) mod base;
 mod broad;
 mod caps;
+mod coats;
 pub mod detectors;
 mod edge;
 mod fit;
@@ -30,6 +31,7 @@ use crate::progress::Progress;
 use crate::volume::Volume;
 
 pub use caps::{Cap, caps};
+pub use coats::{Coated, CoatedPlaces, CoatedSpot, Coats};
 pub use lesion::{FEATURES, Lesion};
 pub use measure::{Form, Measurement, RESTORED_HU, measure};
 pub use score::{EVIDENCE, Term, score, terms};

@@ -1,6 +1,7 @@
 //! A wrapper that checks a renderer of another crate against the renderer contract.
 
 use super::adaptive::Budget;
+use super::distances::Distances;
 use super::memory::MemoryPart;
 use super::renderer::{Detail, Renderer};
 use super::{Frame, ImageSize, Settings, View, Work};
@@ -44,6 +45,10 @@ impl Renderer for Checked {
 
     fn stretches(&self) -> bool {
         self.inner.stretches()
+    }
+
+    fn distances(&self) -> Option<Distances<'_>> {
+        self.inner.distances()
     }
 
     fn detail(&self) -> Option<Detail> {

@@ -5,11 +5,12 @@
 //! ([`sampler::Nearest`](super::sampler::Nearest)).
 
 use super::caster::fill_depth;
+use super::distances::Distances;
 use super::enlarge::Enlarger;
 use super::memory::MemoryPart;
 use super::packets::{PacketRenderer, Pixels};
 use super::renderer::Renderer;
-use super::{Frame, Settings, View, Work};
+use super::{Frame, ImageSize, Settings, View, Work};
 use crate::space::PreparedVolume;
 
 /// The factor between the sides of the picture and of the traced picture.
@@ -21,6 +22,7 @@ pub(crate) struct Low {
     renderer: Box<dyn Renderer>,
     small: Frame,
     enlarger: Enlarger,
+    shown: ImageSize,
 }
 
 impl Low {
@@ -33,18 +35,29 @@ impl Low {
 
     /// Stretches the pictures of `volume` that `renderer` makes.
     pub(crate) fn around(volume: &PreparedVolume, renderer: Box<dyn Renderer>) -> Self {
-        Self { volume: volume.clone(), renderer, small: Frame::default(), enlarger: Enlarger::default() }
+        Self {
+            volume: volume.clone(),
+            renderer,
+            small: Frame::default(),
+            enlarger: Enlarger::default(),
+            shown: ImageSize::default(),
+        }
     }
 }
 
 impl Renderer for Low {
     fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
         frame.resize(view.width(), view.height());
+        self.shown = frame.size();
         let [width, height] = [view.width(), view.height()].map(|side| side.div_ceil(PART));
         let work = self.renderer.render(&view.resized(width, height), &mut self.small);
         self.enlarger.enlarge(&self.small, frame);
         fill_depth(&self.volume, view, frame);
         work
+    }
+
+    fn distances(&self) -> Option<Distances<'_>> {
+        Some(self.renderer.distances()?.stretched(self.small.size(), self.shown))
     }
 
     fn stretches(&self) -> bool {

@@ -25,6 +25,7 @@ pub mod choices;
 pub mod classify;
 mod density_scale;
 mod direct;
+mod distances;
 mod enlarge;
 mod factory;
 mod frame;
@@ -58,6 +59,8 @@ pub mod single;
 mod skip;
 pub mod slice;
 pub(crate) mod transfer;
+pub mod translucency;
+pub mod wall_paint;
 
 #[cfg(test)]
 mod extremes_tests;
@@ -70,6 +73,7 @@ pub use camera::{Camera, CameraModel, CameraRay, Origins, View};
 pub use caster::{depths, render};
 pub use choices::{Choices, GradientSource, Leaping, LowDetail};
 pub use direct::Direct;
+pub use distances::Distances;
 pub use factory::renderer;
 pub use frame::{Frame, ImageSize, Work, psnr};
 pub use light::Light;

@@ -1,6 +1,7 @@
 //! The renderer interface.
 
 use super::adaptive::Budget;
+use super::distances::Distances;
 use super::memory::MemoryPart;
 use super::{Frame, Settings, View, Work};
 use crate::render::frame::ImageSize;
@@ -32,6 +33,11 @@ pub trait Renderer: Send + Sync {
     /// rendered separately would then not fit together.
     fn stretches(&self) -> bool {
         false
+    }
+
+    /// Returns the distances to the wall that the last picture was made from, if they are kept. They are for the picture as it is shown.
+    fn distances(&self) -> Option<Distances<'_>> {
+        None
     }
 
     /// Returns the detail of the last picture, if the detail adapts.

@@ -4,14 +4,15 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use crate::app::boxed::boxed;
 use crate::app::look::{Looks, Subject};
 use crate::components::camera::Pose;
 use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
-use crate::fields::AlongColon;
+use crate::fields::{AlongColon, Lumen};
 use crate::host::window::clean::{Before, Clean, Scanned};
 use crate::panics::ask_plugin;
-use crate::polyps::{self, Candidate, Colon, Detector, Measurement, Wall, detectors};
+use crate::polyps::{self, Candidate, Coated, CoatedPlaces, Coats, Colon, Detector, Measurement, Wall, detectors};
 use crate::progress::Progress;
 use crate::render::{Frame, Preset, Quality, Reuse, Settings, renderer};
 use crate::volume::Volume;
@@ -38,6 +39,8 @@ pub(crate) struct Entry {
     pub(crate) candidate: Candidate,
     /// Where it is along the colon.
     pub(crate) along: Option<AlongColon>,
+    /// How much of it wears thin tag.
+    pub(crate) coated: Coated,
     /// From where it is seen well in the scan without tag, world mm.
     pub(crate) pose: Pose,
     /// What is seen from there, [`SIDE`] pixels wide and high.
@@ -49,6 +52,8 @@ pub(crate) struct Found {
     /// The candidates, best first.
     pub(crate) list: Vec<Entry>,
     wall: Wall,
+    /// The coated spots of the wall.
+    pub(crate) coats: Arc<CoatedPlaces>,
     /// The scan without tag, or the part of it around the colon.
     volume: Arc<Volume>,
     before: Before,
@@ -68,6 +73,7 @@ pub(crate) fn search(input: Input, progress: &Progress) -> Result<Found> {
     let Clean { volume, lumen, before, around, bytes } = input.scan.clean(progress)?;
     let along = lumen.along(&volume, progress)?;
     let wall = Wall::new(&volume, &lumen, around.transfer().iso(), progress)?;
+    let coats = coats(&wall, &before, &volume, &lumen, progress)?;
     let all = polyps::find(&detector, &Colon { volume: &volume, lumen: &lumen, wall: &wall }, progress)?;
     drop(volume);
     let looks = Looks::new(&around);
@@ -85,11 +91,24 @@ pub(crate) fn search(input: Input, progress: &Progress) -> Result<Found> {
         ask_plugin(name, || Ok(renderer.render(&view, &mut frame)))?;
         let pose = Pose { position: view.position(), attitude: Attitude::new(view.forward(), view.up()) };
         let along = along.of(candidate.position);
-        list.push(Entry { candidate, along, pose, picture: frame.pixels().to_vec() });
+        let coated = coats.of(&wall, &candidate);
+        list.push(Entry { candidate, along, coated, pose, picture: frame.pixels().to_vec() });
         progress.advance(1)?;
     }
-    let bytes = bytes + wall.bytes() + list.len() * (SIDE * SIDE * 3 + size_of::<Entry>());
-    Ok(Found { list, wall, volume: around.shared_voxels(), before, bytes })
+    let coats = Arc::new(CoatedPlaces::new(&coats, &wall));
+    let bytes = bytes + wall.bytes() + coats.bytes() + list.len() * (SIDE * SIDE * 3 + size_of::<Entry>());
+    Ok(Found { list, wall, coats, volume: around.shared_voxels(), before, bytes })
+}
+
+/// Finds the coated spots of the wall of a scan without tag.
+fn coats(wall: &Wall, before: &Before, volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Coats> {
+    match before {
+        Before::Same => Coats::find(wall, volume, None, progress),
+        Before::Scan(scan, cleansed) => Coats::find(wall, scan, Some(cleansed), progress),
+        Before::Changes(cleansed) => {
+            Coats::find(wall, &boxed(volume, lumen, &cleansed.changes), Some(cleansed), progress)
+        }
+    }
 }
 
 impl Found {
@@ -106,7 +125,7 @@ impl Found {
 mod tests {
     use super::*;
     use crate::fields::{cleanse, lumen};
-    use crate::host::window::cleansing::{Tag, boxed};
+    use crate::host::window::cleansing::Tag;
     use crate::phantom::PhantomSettings;
     use crate::shared::shared;
     use crate::space::{PreparedVolume, TransferFunction};
@@ -121,7 +140,7 @@ mod tests {
         let cleansed = cleanse::cleanse(&scan, &lumen, &progress).unwrap();
         let volume = PreparedVolume::new(Arc::clone(&scan), TransferFunction::default());
         let part = volume.with_voxels(Arc::new(boxed(&scan, &lumen, &cleansed.changes)));
-        let found = [Tag::Unknown, Tag::Beside(part)].map(|tag| {
+        let found = [Tag::Unknown, Tag::Beside(part, Arc::new(cleansed.without_values()))].map(|tag| {
             let (volume, lumen) = (volume.clone(), Arc::clone(&lumen));
             let (preset, detector) = (Preset::default(), detectors::BUILT_IN[0]);
             search(Input { scan: Scanned { volume, lumen, told: Vec::new(), tag }, preset, detector }, &progress)

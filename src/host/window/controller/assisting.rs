@@ -43,9 +43,11 @@ impl FlightController {
         if assistant.advance(&self.flight, &self.cleansing, &self.background, answers, now) {
             self.attention = true;
         }
-        if !had_list && assistant.found().is_some() {
+        if let Some(found) = assistant.found().filter(|_| !had_list) {
+            self.flight.keep_coats(Arc::clone(&found.coats));
             self.document.begin_list(assistant.reading());
             assistant.load_wanted();
+            self.overlays.refresh(&mut self.flight);
             self.note_changes(now);
         }
     }

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use super::FlightController;
 use crate::app::FlightApp;
+use crate::app::overlays::translucency::move_lens;
 use crate::components::flight::State;
 use crate::host::window::assistant::Assistant;
 use crate::host::window::contract::WindowView;
@@ -64,7 +65,8 @@ impl FlightController {
             I::Detail => self.switch_detail(now),
             I::Light => self.switch_light(now),
             I::Tag => self.switch_tag(now),
-            I::Overlay(n) => self.overlays.switch(n),
+            I::Overlay(n) => self.switch_overlay(n, now),
+            I::MoveLens(to) => move_lens(&mut self.flight, to),
             I::Greys(level, width) => self.slices.window(level, width),
             I::Slab => self.slices.next_slab(),
             I::SlabKind => self.slices.next_slab_kind(),

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use super::FlightController;
 use super::pointing::go_to;
+use crate::app::overlays::coats;
 use crate::components::camera::Pose;
 use crate::components::input::{FlightCommand, HandCommand};
 use crate::components::review::ReviewStop;
@@ -32,6 +33,20 @@ impl FlightController {
         };
         self.say(told, now);
         self.paint_anew();
+    }
+
+    /// Goes on to the next of the ways in which an overlay is shown, or hides it.
+    pub(super) fn switch_overlay(&mut self, n: usize, now: Instant) {
+        match self.overlays.switch(n, &mut self.flight) {
+            Ok(told) => told.into_iter().for_each(|text| self.say(text, now)),
+            Err(e) => self.say(e.to_string(), now),
+        }
+        // Coats are found with the candidates.
+        if self.overlays.is_shown(coats::OVERLAY.name) && self.flight.coats().is_none() {
+            self.asked_assistant(now);
+        }
+        self.quiet = 0;
+        self.attention = true;
     }
 
     fn coverage_text(&self) -> String {

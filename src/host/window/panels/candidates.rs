@@ -34,6 +34,8 @@ fn caution() -> String {
 /// Height of a row of the list, and of its picture, points.
 const ROW: f32 = 78.0;
 const PICTURE: f32 = 72.0;
+/// From this share of its wall on, a candidate is called coated.
+const LEAST_COATED: f64 = 0.25;
 /// A narrower row has shorter lines, points.
 const NARROW: f32 = 270.0;
 /// Radius of a mark, points.
@@ -308,6 +310,9 @@ fn words(p: &Painter, at: Pos2, n: usize, entry: &Entry, Told { said, twice, is_
         } else {
             line(&sizes.join(", "), INK);
         }
+    }
+    if entry.coated.share >= LEAST_COATED {
+        line(&format!("coated, {:.1} mm of tag", entry.coated.thickness_mm), INK);
     }
     if let Some(place) = entry.along {
         line(&place.text(), SOFT);

@@ -6,10 +6,12 @@ use glam::DVec3;
 use super::candidates::Marking;
 use super::{Context, Panel, PanelEntry, Requests, candidates, expected, findings, measures, notches};
 use crate::components::output::Picture;
+use crate::components::translucent::Translucent;
 use crate::host::window::contract::Beside;
 use crate::host::window::intent::{EndAt, Intent};
 use crate::host::window::overlay::{self, Content, HudState};
 use crate::host::window::style::{ACCENT, Severity};
+use crate::render::wall_paint::PaintedArea;
 use crate::space::first_crossing;
 
 /// Its entry in the table.
@@ -103,6 +105,11 @@ impl FlightPanel {
                             Drag::Roll => Intent::Roll(right),
                             Drag::End(n, which) => Intent::MoveEnd(n, which, EndAt::Pixel(pixel)),
                         });
+                    }
+                    let has_lens = context.flight.camera::<Translucent>().is_some_and(|t| t.area != PaintedArea::Whole);
+                    if has_lens && here(at) {
+                        let to = [at.x - rect.min.x, at.y - rect.min.y].map(|d| f64::from(d) * scale);
+                        requests.ask(Intent::MoveLens(to));
                     }
                     self.pointer = Some(at);
                 }

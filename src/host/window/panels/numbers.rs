@@ -101,7 +101,7 @@ fn listed(mut scan: Volume) -> Vec<serde_json::Value> {
     let without_tag = colon::without_tag(&mut scan, (found, &known), true, find, |_| {}, timings, &progress);
     let iso = TransferFunction::default().iso();
     let study = Study::new(scan, without_tag.unwrap().0, iso, colon::WALL_MM, timings, &progress).unwrap();
-    let entries = study.entries(&study.find(&detectors::BUILT_IN[0], &progress).unwrap());
+    let entries = study.entries(&study.find(&detectors::BUILT_IN[0], &progress).unwrap(), None);
     entries.iter().map(|e| serde_json::to_value(e).unwrap()).collect()
 }
 

@@ -17,6 +17,7 @@ mod level;
 mod still;
 
 use super::caster::fill_depth;
+use super::distances::Distances;
 use super::enlarge::Enlarger;
 use super::memory::MemoryPart;
 use super::quality::{Quality, Settings};
@@ -72,6 +73,8 @@ pub struct Adaptive {
     /// The last picture of a moving camera. A camera that stops starts from it.
     last: Frame,
     traced: ImageSize,
+    /// True if the renderer's last picture was the whole one, not a strip.
+    is_whole: bool,
 }
 
 impl Adaptive {
@@ -90,6 +93,7 @@ impl Adaptive {
             resting: false,
             last: Frame::default(),
             traced: ImageSize::new(0, 0),
+            is_whole: false,
         }
     }
 
@@ -121,6 +125,7 @@ impl Adaptive {
             self.enlarger.enlarge(&self.small, &mut self.last);
             work
         };
+        self.is_whole = true;
         self.governor.took(cost(&work), size.pixels());
         self.probes = Some(Probes::new(&self.volume, view));
         frame.show(&self.last);
@@ -133,6 +138,7 @@ impl Adaptive {
             self.resting = true;
             self.still.begin(&self.last, self.traced == size);
         }
+        self.is_whole &= self.still.is_sharp();
         let means = Means { sharp: &mut *self.moving, fine: self.fine.as_deref_mut() };
         let work = self.still.go_on(view, means, self.budget.samples);
         if self.still.is_sharp() {
@@ -173,6 +179,12 @@ impl Renderer for Adaptive {
 
     fn set_budget(&mut self, budget: Budget) {
         self.budget = budget;
+    }
+
+    fn distances(&self) -> Option<Distances<'_>> {
+        // At rest, strips may have taken their place.
+        let shown = ImageSize::new(self.last.width(), self.last.height());
+        Some(self.moving.distances().filter(|_| self.is_whole)?.stretched(self.traced, shown))
     }
 
     fn complaint(&mut self) -> Option<(String, String)> {

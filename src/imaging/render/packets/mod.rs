@@ -3,14 +3,14 @@
 mod beam;
 mod blur;
 mod cells;
-mod directions;
+pub(super) mod directions;
 mod fit;
 pub(super) mod lanes;
 mod layer;
 mod occupancy;
 mod packet;
 mod paint;
-mod picture;
+pub(super) mod picture;
 mod predict;
 mod rays;
 mod refine;
@@ -24,6 +24,7 @@ use fearless_simd::Level;
 
 use super::caster::fill_depth;
 use super::direct::Direct;
+use super::distances::Distances;
 use super::memory::MemoryPart;
 use super::renderer::Renderer;
 use super::shaders::Shader;
@@ -93,6 +94,8 @@ pub struct PacketRenderer {
     cells: Arc<[Mutex<Cells>]>,
     /// Of the widest blocks to the picture's.
     samples: Vec<ImageSamples>,
+    /// The size of the picture that they belong to, pixels, and a distance of 1 in it, mm; `None` if the last one was made otherwise.
+    sampled: Option<([usize; 2], f32)>,
     level: Level,
     /// The shader that takes the headlight's place.
     shader: Option<Arc<dyn Shader>>,
@@ -117,6 +120,7 @@ impl PacketRenderer {
             waves: blur::waves(volume.voxels(), volume.transfer()),
             cells,
             samples: Default::default(),
+            sampled: None,
             level,
             shader: settings.shader.own(),
             direct: Direct::new(volume, settings),
@@ -133,6 +137,7 @@ impl PacketRenderer {
             waves: self.waves,
             cells: Arc::clone(&self.cells),
             samples: Default::default(),
+            sampled: None,
             level: self.level,
             shader: self.shader.clone(),
             direct: Direct::new(&self.volume, settings),
@@ -154,6 +159,7 @@ fn like_rays(settings: Settings) -> Settings {
 
 impl Renderer for PacketRenderer {
     fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
+        self.sampled = None;
         let Some(rays) =
             Rays::new(&self.volume, &self.occupancy, self.waves, view, &self.settings, self.shader.as_deref())
         else {
@@ -163,9 +169,19 @@ impl Renderer for PacketRenderer {
         fill_depth(&self.volume, view, frame);
         let pixels = frame.buffers().0;
         match self.pixels {
-            Pixels::Needed => picture::needed(&mut self.samples, &rays, view, pixels, &self.cells, self.level),
+            Pixels::Needed => {
+                if picture::is_sampled(&rays) {
+                    self.sampled = Some(([view.width(), view.height()], rays.step_mm / rays.step_in_waves()));
+                }
+                picture::needed(&mut self.samples, &rays, view, pixels, &self.cells, self.level)
+            }
             Pixels::All => picture::pixels_of(&rays, view, pixels, &self.cells, self.level),
         }
+    }
+
+    fn distances(&self) -> Option<Distances<'_>> {
+        let (size, unit_mm) = self.sampled?;
+        Some(self.samples.last()?.distances(size, unit_mm))
     }
 
     fn refining(&self, settings: Settings) -> Option<Box<dyn Renderer>> {

@@ -45,6 +45,8 @@ macro_rules! on_level {
     };
 }
 
+pub(crate) use on_level;
+
 /// Runs `part` with the cache of this thread.
 fn with_cells<T>(all: &[Mutex<Cells>], part: impl FnOnce(&mut Cells) -> T) -> T {
     let thread = rayon::current_thread_index().unwrap_or(0) % all.len().max(1);
@@ -114,6 +116,11 @@ pub(crate) fn squares_of(
     bands.reduce(Work::default, |a, b| a + b)
 }
 
+/// True if [`needed`] casts rays where they are needed.
+pub(crate) fn is_sampled(rays: &Rays<'_>) -> bool {
+    rays.pixel_turn().is_some() && rays.shader.is_none_or(Shader::is_smooth)
+}
+
 /// Casts rays where they are needed: those of `levels`, from the widest blocks to the picture's, and more where these are not enough.
 ///
 /// Casts a ray for every pixel if it is unknown how far apart neighbouring rays are, or how a shader colours what lies
@@ -126,7 +133,7 @@ pub(crate) fn needed(
     cells: &[Mutex<Cells>],
     level: Level,
 ) -> Work {
-    let Some(turn) = rays.pixel_turn().filter(|_| rays.shader.is_none_or(Shader::is_smooth)) else {
+    let Some(turn) = rays.pixel_turn().filter(|_| is_sampled(rays)) else {
         return pixels_of(rays, view, pixels, cells, level);
     };
     let width = view.width();

@@ -25,6 +25,7 @@ use rayon::prelude::*;
 use super::cells::Colours;
 use super::predict::predicted;
 use super::rays::{PacketResult, SIDE};
+use crate::render::distances::Distances;
 
 /// Side of a block, pixels.
 pub(crate) const BLOCK: usize = 4;
@@ -193,6 +194,13 @@ impl ImageSamples {
             centres,
             starts,
         })
+    }
+
+    /// Returns the distances along the rays through the corners of a picture's blocks, if the picture has the given size, pixels, and
+    /// an inverse distance of 1 is that of `unit_mm`, mm.
+    pub(crate) fn distances(&self, size: [usize; 2], unit_mm: f32) -> Distances<'_> {
+        let count = size.map(|s| s.div_ceil(BLOCK) + 1);
+        Distances::new(&self.corners.values, self.corners.fields * self.stride, count, BLOCK, unit_mm)
     }
 
     /// Returns the block (`x`, `y`).

@@ -23,6 +23,22 @@ pub struct Cleansed {
     pub blur_mm: f64,
 }
 
+impl Cleansed {
+    /// Returns what is known of the tag without the values: the pools and the blur.
+    #[must_use]
+    pub fn without_values(&self) -> Self {
+        let Self { pools, residue_ml, replaced_ml, left, blur_mm, .. } = self;
+        Self {
+            changes: Changes::default(),
+            pools: pools.clone(),
+            residue_ml: *residue_ml,
+            replaced_ml: *replaced_ml,
+            left: left.clone(),
+            blur_mm: *blur_mm,
+        }
+    }
+}
+
 /// Tag that was not removed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Left {
