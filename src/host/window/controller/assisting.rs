@@ -7,6 +7,7 @@ use std::time::Instant;
 use glam::DVec3;
 
 use super::FlightController;
+use crate::app::overlays::coats;
 use crate::components::camera::Pose;
 use crate::components::review::ReviewStop;
 use crate::components::scan::Walls;
@@ -37,6 +38,10 @@ impl FlightController {
 
     /// Lets the assistant go on.
     pub(super) fn take_found(&mut self, now: Instant) {
+        // Coats are found with the candidates.
+        if self.has_shown && self.overlays.is_shown(coats::OVERLAY.name) && self.flight.coats().is_none() {
+            self.asked_assistant(now);
+        }
         let Some(assistant) = &mut self.assistant else { return };
         let had_list = assistant.found().is_some();
         let answers = &self.document.found().answers;

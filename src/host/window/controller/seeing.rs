@@ -4,7 +4,6 @@ use std::time::Instant;
 
 use super::FlightController;
 use super::pointing::go_to;
-use crate::app::overlays::coats;
 use crate::components::camera::Pose;
 use crate::components::input::{FlightCommand, HandCommand};
 use crate::components::review::ReviewStop;
@@ -40,10 +39,6 @@ impl FlightController {
         match self.overlays.switch(n, &mut self.flight) {
             Ok(told) => told.into_iter().for_each(|text| self.say(text, now)),
             Err(e) => self.say(e.to_string(), now),
-        }
-        // Coats are found with the candidates.
-        if self.overlays.is_shown(coats::OVERLAY.name) && self.flight.coats().is_none() {
-            self.asked_assistant(now);
         }
         self.quiet = 0;
         self.attention = true;

@@ -1,4 +1,5 @@
-//! Paint on the wall in finished pictures: [`WallPainter`] colours it by inks that belong to places of the wall.
+//! Paint on the wall in finished pictures, by inks that belong to places of the wall. [`Translucency`](super::translucency::Translucency) and
+//! [`SpotPaint`] use it.
 //!
 //! It looks at one ray in 8×8 pixels, from the picture's own [`Distances`] where its renderer has them; inks come from a field of the wall's
 //! cells that is filled where somebody looks; and pixels keep their brightness, so that the shape stays visible.
