@@ -170,7 +170,7 @@ fn the_views_of_the_surroundings_and_the_legend_are_shared() {
         let text = texts(&marks);
         assert_eq!((text.matches("from above").count(), text.matches("20 mm").count()), (1, 2), "{text}");
         let panels = marks.iter().filter(|m| matches!(m, Mark::Panel { .. })).count();
-        assert_eq!(panels, 12, "two views, and ten rows of the legend");
+        assert_eq!(panels, 14, "two views, eleven rows of the legend, and the colour of coats");
     }
 }
 
