@@ -207,6 +207,11 @@ impl Cleansing {
         if matches!(self.stage, Stage::Both(_)) { self.text() } else { "" }
     }
 
+    /// True if there is a choice and the scan is shown with its tag.
+    pub(crate) fn is_shown_as_scanned(&self) -> bool {
+        matches!(self.stage, Stage::Both(_)) && !self.is_wanted
+    }
+
     fn text(&self) -> &'static str {
         if self.is_wanted { "cleansed" } else { "as scanned" }
     }

@@ -48,7 +48,7 @@ impl FlightController {
     pub(crate) fn draw_flat(&mut self, size: ImageSize) -> bool {
         let at = self.followed();
         let along_mm = self.place.along_of(at).map(|a| a.mm);
-        let is_scanned = self.cleansing.shown() == "as scanned";
+        let is_scanned = self.cleansing.is_shown_as_scanned();
         self.flat.draw(&self.flight, is_scanned, (at, along_mm), size)
     }
 
