@@ -116,7 +116,7 @@ impl Flat {
             let made = Arc::new(made);
             if let Some(before) = &self.map {
                 // The same place stays on top.
-                self.top *= made.map.rows() as f64 / before.map.rows().max(1) as f64;
+                self.top = made.map.row(before.map.mm(self.top as usize));
             }
             if let Some(source) = made.source.clone() {
                 self.task.go_over(refine(Arc::clone(&made), source, background), now);
@@ -189,9 +189,7 @@ impl Flat {
         let count = made.map.rows() as f64;
         let shown = size.height as f64 * self.pixel(size.width);
         if let Some(mm) = along_mm.filter(|_| self.scrolled_at.is_none()) {
-            let first = made.map.mm(0);
-            let step = (made.map.mm(made.map.rows() - 1) - first) / (count - 1.0).max(1.0);
-            let row = (mm - first) / step.max(1e-6);
+            let row = made.map.row(mm);
             self.top = self.top.clamp(row - (1.0 - EDGE) * shown, row - EDGE * shown);
         }
         self.top = self.top.clamp(0.0, (count - shown).max(0.0));

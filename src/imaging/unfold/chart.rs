@@ -114,6 +114,30 @@ impl Chart {
         area / length.max(1.0)
     }
 
+    /// Returns the wall's area in each of `count` equal lengths of the line from `from_mm` on, mm². A triangle's area is spread evenly over
+    /// its length.
+    pub(super) fn areas(&self, from_mm: f64, each_mm: f64, count: usize) -> Vec<f64> {
+        let mut out = vec![0.0; count];
+        for (t, corners) in (0..self.triangles.len()).filter_map(|t| Some((t, self.flat(t)?))) {
+            let [a, b, c] = corners.map(|c| (f64::from(c[1]) - from_mm) / each_mm);
+            let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+            if high < 0.0 || low >= count as f64 {
+                continue;
+            }
+            let area = self.area(t);
+            let (first, last) = (low.floor().max(0.0) as usize, (high.max(0.0) as usize).min(count - 1));
+            if first >= last {
+                out[last] += area;
+                continue;
+            }
+            for (n, out) in out.iter_mut().enumerate().take(last + 1).skip(first) {
+                let within = high.min(n as f64 + 1.0) - low.max(n as f64);
+                *out += area * within.max(0.0) / (high - low);
+            }
+        }
+        out
+    }
+
     /// Returns the number of steps of the solver, and of cells that it solved for.
     pub fn solved(&self) -> [usize; 2] {
         self.solved

@@ -11,7 +11,7 @@
 //! The rectum is on top and the cut runs along the back: angle 0, towards the patient's front at the beginning of the line, is in
 //! the middle. The wall is seen from inside: with the rectum above and looking at the wall, what is on the right is on the right.
 //! Angles are about frames that do not turn about the line (those of [`matching`](crate::fields::matching)), and a row is `step_mm` of
-//! the line long. How long and wide a pixel is on the wall varies: [`Unfolding::scale`].
+//! the line long, or less where a deep sac opens: all of its wall lies within little of the line. How long and wide a pixel is on the wall varies: [`Unfolding::scale`].
 
 mod axis;
 mod bins;
@@ -19,6 +19,7 @@ mod chart;
 mod measure;
 mod picture;
 mod raster;
+mod rows;
 #[cfg(test)]
 mod tests;
 mod wall;
@@ -37,6 +38,7 @@ use crate::progress::Progress;
 use crate::volume::Volume;
 use bins::Bins;
 use raster::{BAND, Bands, Hit, NONE, Pixels};
+use rows::Rows;
 use wall::Refiner;
 
 /// Distance between rows along the line unless another is asked for, mm.
@@ -53,7 +55,7 @@ const NEAR_MM: f64 = 5.0;
 pub struct Sheet {
     /// Number of columns, each an equal part of the angle about the line. `None`: so many that pixels are square on the wall on average.
     pub columns: Option<usize>,
-    /// Distance between rows along the line, mm.
+    /// Distance between rows along the line, mm. They are closer where much wall belongs to little of the line.
     pub step_mm: f64,
     /// The first distance along the line that is shown, mm; everything from there on if `None`.
     pub from_mm: Option<f64>,
@@ -159,6 +161,11 @@ impl Unfolding {
         self.pixels.mm(row)
     }
 
+    /// Returns the row at a distance along the line, mm; the middle of a row is whole. It may be beyond the first or the last one.
+    pub fn row(&self, mm: f64) -> f64 {
+        self.pixels.at.row(mm)
+    }
+
     /// Returns the angle of a column about the line, degrees: −180 to 180, 0 towards the patient's front at the line's beginning.
     pub fn degrees(&self, column: usize) -> f64 {
         (column as f64 + 0.5) * 360.0 / self.pixels.columns as f64 - 180.0
@@ -251,12 +258,14 @@ fn pixels(chart: &Chart, sheet: &Sheet) -> Result<Pixels> {
     let (from, to) = (sheet.from_mm.unwrap_or(first), sheet.to_mm.unwrap_or(last));
     let step_mm = sheet.step_mm.clamp(0.05, 100.0);
     // The wall's mean girth, with its folds: on a wall without any, a pixel is narrower than a row is high.
-    let girth = || (chart.girth_mm() / step_mm / 8.0).ceil() as usize * 8;
+    let girth_mm = chart.girth_mm();
+    let girth = || (girth_mm / step_mm / 8.0).ceil() as usize * 8;
     let columns = sheet.columns.unwrap_or_else(girth).clamp(LEAST_COLUMNS, 1 << 12);
     let rows = ((to - from) / step_mm).floor() + 1.0;
     if !(1.0..=MOST_ROWS as f64).contains(&rows) {
         let why = format!("from {from:.0} to {to:.0} mm along the colon there are no rows that could be drawn");
         return Err(Error::incomplete("unfold", why, "give --from and --to farther apart"));
     }
-    Ok(Pixels { rows: rows as usize, columns, first_mm: from, step_mm })
+    let at = Rows::new(chart, [from, to], step_mm, girth_mm);
+    Ok(Pixels { rows: at.count(to), columns, at })
 }

@@ -5,6 +5,7 @@ use std::f32::consts::{PI, TAU};
 use rayon::prelude::*;
 
 use super::chart::Chart;
+use super::rows::Rows;
 
 /// Rows that one task draws.
 pub(super) const BAND: usize = 32;
@@ -13,25 +14,25 @@ pub(super) const NONE: u32 = u32::MAX;
 /// A wall this much farther from the middle than the one shown is another layer, mm.
 pub(super) const LAYER_MM: f32 = 2.0;
 
-/// The pixels of the map. Row r is at `first_mm + r · step_mm` along the line. Column c is at the angle (c + ½) · 360° / columns − 180°.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// The pixels of the map. Column c is at the angle (c + ½) · 360° / columns − 180°.
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Pixels {
     pub rows: usize,
     pub columns: usize,
-    pub first_mm: f64,
-    pub step_mm: f64,
+    /// Where each row is along the line.
+    pub at: Rows,
 }
 
 impl Pixels {
     /// Returns the distance along the line of a row, mm.
     pub(super) fn mm(&self, row: usize) -> f64 {
-        self.first_mm + row as f64 * self.step_mm
+        self.at.mm(row as f64)
     }
 
     /// Returns the place of an angle and a distance, in pixels: (column, row); the middle of a pixel is whole.
     pub(super) fn place(&self, [angle, along]: [f32; 2]) -> [f32; 2] {
         let column = (angle + PI) / TAU * self.columns as f32 - 0.5;
-        [column, ((f64::from(along) - self.first_mm) / self.step_mm) as f32]
+        [column, self.at.row(along.into()) as f32]
     }
 }
 

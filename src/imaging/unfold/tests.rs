@@ -124,7 +124,7 @@ fn two_pieces_leave_empty_rows_between_them() {
     assert_eq!(gaps.len(), 1);
     assert!((10.0..24.0).contains(&(gaps[0][1] - gaps[0][0])), "{gaps:?}");
     let is_empty = |mm: f64| {
-        let row = ((mm - map.mm(0)) / STEP_MM).round() as usize;
+        let row = map.row(mm).round() as usize;
         (0..map.columns()).all(|c| map.point(row, c).is_none())
     };
     assert!(is_empty(36.0) && !is_empty(15.0) && !is_empty(60.0));
@@ -183,4 +183,26 @@ fn any_number_of_threads_makes_the_same_map() {
         })
     };
     assert!(draw(1) == draw(4));
+}
+
+/// A deep sac beside a tube: the function hardly changes in it, so that its wall belongs to little of the line. It gets rows of its own,
+/// and no two rows are farther apart than asked.
+#[test]
+fn rows_are_closer_where_a_deep_sac_opens() {
+    let volume = mask([150, 100, 36], |p| {
+        let in_tube = (10.0..110.0).contains(&p.x) && (p.y - 12.0).hypot(p.z - 20.0) < 8.0;
+        let in_sac = (12.0..44.0).contains(&p.y) && (p.x - 60.0).hypot(p.z - 20.0) < 9.0;
+        in_tube || in_sac
+    });
+    let line = line((0..=100).map(|n| DVec3::new(10.0 + f64::from(n), 12.0, 20.0)).collect(), 8.0);
+    let map = unfolded(&volume, &line, &Sheet::default()).unwrap();
+    let apart: Vec<f64> = (1..map.rows()).map(|r| map.mm(r) - map.mm(r - 1)).collect();
+    let (least, most) = apart.iter().fold((f64::MAX, 0.0f64), |(l, m), a| (l.min(*a), m.max(*a)));
+    assert!(most < STEP_MM + 1e-6 && least < 0.25 * STEP_MM, "{least} to {most} mm apart");
+    for row in [0, 7, map.rows() - 1] {
+        assert!((map.row(map.mm(row)) - row as f64).abs() < 1e-6);
+    }
+    // With rows evenly spaced 6.7 % of the wall were absent.
+    let measures = Measures::of(&map);
+    assert!(measures.absent < 0.02, "{measures:?}");
 }
