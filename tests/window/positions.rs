@@ -51,6 +51,7 @@ fn a_place_is_gone_to_in_the_other_position_and_back_and_a_finding_is_in_both() 
         colvis().args(args).args(["--with", "folds,polyps,fluid,noise", "--seed", "3"]).current_dir(folder).status();
     assert!(made.unwrap().success());
     let truth: Value = serde_json::from_slice(&fs::read(folder.join("t.json")).unwrap()).unwrap();
+    keep_settings(folder, "[keys]\nfinding-apart = [\"Q\"]\nfinding-same = [\"Z\"]\n");
     let window = screen.open_window(folder, &["fly", "a.nii.gz", "--second", "b.nii.gz", "--size", "1280x800"], |i| {
         flies(i) && share(i, |p| p == [96, 190, 255]) > 0.001
     });
@@ -65,6 +66,17 @@ fn a_place_is_gone_to_in_the_other_position_and_back_and_a_finding_is_in_both() 
     for (one, other) in [(a, b), (b, a)] {
         assert_eq!(one["second"], other["scan"]);
         assert_eq!(findings(one)[0]["other"], findings(other)[0]["place"], "{kept_both:#?}");
+    }
+    // Parted, and joined again by hand.
+    for (key, is_one) in [("q", false), ("z", true)] {
+        let is_paired = |one: &Value| !findings(one)[0]["other"].is_null();
+        screen.key(key);
+        until(
+            folder,
+            "the same pair",
+            || {},
+            |kept| kept.len() == 2 && kept.iter().all(|one| is_paired(one) == is_one),
+        );
     }
     // By the truth, they are one place.
     let points = |of: &str| list(&truth["second"]["points"], of).iter().map(vector).collect::<Vec<_>>();

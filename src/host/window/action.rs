@@ -79,6 +79,7 @@ pub(crate) const MENUS: &[(&str, &[&str])] = &[
             "finding-outside",
             "finding-measured",
             "finding-correct",
+            "finding-same",
             "finding-apart",
             "finding-delete",
             "panel-findings",

@@ -134,6 +134,7 @@ fn table() -> Vec<Action> {
             I::Finding(FindingOf::Measured),
         ),
         action("finding-correct", "measure the diameter of the chosen finding by hand", "", I::MeasureFinding(None)),
+        action("finding-same", "take the chosen findings of both positions for one", "", I::JoinFindings(None)),
         action("finding-apart", "part the chosen finding from that of the other position", "", I::PartFinding(None)),
         action("finding-delete", "delete the chosen finding", "", I::DeleteFinding(None)),
         action("report", "write the report of this reading", "Ctrl+X", I::Report),

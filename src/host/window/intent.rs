@@ -185,6 +185,8 @@ pub(crate) enum Intent {
     Link,
     /// Part a finding from that of the other position, by its number or the chosen one.
     PartFinding(Option<usize>),
+    /// Take a finding, by its number or the chosen one, and the chosen one of the other position for one.
+    JoinFindings(Option<usize>),
     /// Start a flight in the gas at a place, world mm, of a scan that is shown without one.
     StartAt(DVec3),
     /// Open the scan anew, for one flight through the whole colon.

@@ -596,6 +596,7 @@ impl Shell {
             Intent::Link => self.link(now),
             Intent::OfOther(intent) => self.execute_in_other(*intent, now),
             Intent::PartFinding(n) => self.part_finding(n, now),
+            Intent::JoinFindings(n) => self.join_findings(n, now),
             Intent::StartAt(place) => self.start_at(place, events),
             Intent::Whole if matches!(self.scan.stage, Stage::Flying(_)) && self.scan.unflown.is_none() => {
                 let (input, series) = (self.scan.input.clone(), self.scan.series);

@@ -134,6 +134,7 @@ impl FlightController {
             | I::SamePlace
             | I::Link
             | I::PartFinding(_)
+            | I::JoinFindings(_)
             | I::StartAt(_)
             | I::Whole
             | I::Files
@@ -176,7 +177,7 @@ impl FlightController {
             I::Report => self.reporting.why_not().map_or(Ok(()), |why| Err(why.into())),
             I::SendReport(n) => self.reporting.why_not_sent(*n).map_or(Ok(()), |why| Err(why.into())),
             I::Finding(FindingOf::Measured) if !self.has_measured() => Err("nothing is measured".into()),
-            I::MeasureFinding(None) | I::DeleteFinding(None) | I::PartFinding(None)
+            I::MeasureFinding(None) | I::DeleteFinding(None) | I::PartFinding(None) | I::JoinFindings(None)
                 if self.chosen_finding().is_none() =>
             {
                 Err("no finding is chosen".into())

@@ -117,6 +117,12 @@ fn reporting(context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
     }
 }
 
+/// Returns the finding that is chosen in the other position, if it is in that alone.
+fn chosen_in_other<'a>(context: &Context<'a>) -> Option<&'a Finding> {
+    let other = context.of_other()?;
+    other.found().findings.get(other.current_finding()?).filter(|f| f.other.is_none())
+}
+
 impl FindingsPanel {
     fn row(
         &mut self,
@@ -163,6 +169,11 @@ impl FindingsPanel {
                 let tip = "it is not the finding of the other position";
                 if ui.button("Part").on_hover_text(tip).clicked() {
                     requests.ask(Intent::PartFinding(Some(n)));
+                }
+            } else if let Some(other) = chosen_in_other(context) {
+                let tip = "it is the finding that is chosen in the other position";
+                if ui.button(format!("Same as {} there", other.id)).on_hover_text(tip).clicked() {
+                    requests.ask(Intent::JoinFindings(Some(n)));
                 }
             }
         });

@@ -359,6 +359,24 @@ impl Shell {
         self.touched = true;
     }
 
+    /// Takes a finding, or the chosen one, and the chosen one of the other position for one finding with two places.
+    pub(super) fn join_findings(&mut self, n: Option<usize>, now: Instant) {
+        let Some((own, other)) = self.own_and_other() else { return self.say(NONE.to_owned()) };
+        let [own_found, other_found] = [own.document().found().clone(), other.document().found().clone()];
+        let finding = n.or(own.current_finding()).and_then(|n| own_found.findings.get(n));
+        let same = other.current_finding().and_then(|n| other_found.findings.get(n));
+        let (Some(finding), Some(same)) = (finding, same) else {
+            return own.say("choose a finding in each position first", now);
+        };
+        if let Some(paired) = [finding, same].into_iter().find(|f| f.other.is_some()) {
+            return own.say(format!("finding {} is in both positions already: part it first", paired.id), now);
+        }
+        own.pair_finding(finding, Some(same.place), &other_found.scan, now);
+        other.pair_finding(same, Some(finding.place), &own_found.scan, now);
+        own.say(format!("finding {} is finding {} of the other position", finding.id, same.id), now);
+        self.touched = true;
+    }
+
     /// Parts a finding from that of the other position.
     pub(super) fn part_finding(&mut self, n: Option<usize>, now: Instant) {
         let Some((own, other)) = self.own_and_other() else { return self.say(NONE.to_owned()) };
