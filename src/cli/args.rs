@@ -260,6 +260,9 @@ pub struct RenderArgs {
     /// Also write depth as NumPy files
     #[arg(long)]
     pub depth: bool,
+    /// Also write the wall's normals as NumPy files
+    #[arg(long)]
+    pub normals: bool,
     /// Colour the wall in the images
     #[arg(long, value_enum)]
     pub overlay: Option<WallOverlay>,

@@ -13,6 +13,7 @@ mod explain;
 mod files;
 mod fly;
 mod info;
+mod intrinsics;
 mod matching;
 mod measure;
 mod messages;

@@ -9,7 +9,7 @@ use crate::app::found::Found;
 use crate::app::scan::check_thick;
 use crate::app::{OpenOptions, Scan, Timings, colon};
 use crate::cli::Program;
-use crate::cli::args::{Global, QualityName};
+use crate::cli::args::{Global, ImageSize, QualityName};
 use crate::cli::messages::say;
 use crate::cli::shared::Use;
 use crate::error::{Error, Kind, Result};
@@ -78,6 +78,12 @@ pub(crate) fn fov(global: &Global, camera: CameraModel) -> Result<f64> {
         _ => e,
     })?;
     Ok(fov)
+}
+
+/// The size of a camera's images if none is given: 1024 pixels high, and as wide as the camera has them. Fails if a plug-in does.
+pub(crate) fn usual_size(camera: CameraModel) -> Result<ImageSize> {
+    let aspect = camera.camera(90.0, 1.0).ok().and_then(|c| c.aspect()).unwrap_or(1.0);
+    Ok(ImageSize { width: (1024.0 * aspect).round() as usize, height: 1024 })
 }
 
 /// The renderer's settings for a quality on the command line.

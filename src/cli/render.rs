@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 use serde::Deserialize;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::app::boxed::boxed;
 use crate::app::coats::{COAT, find};
@@ -15,7 +15,7 @@ use crate::app::overlays::translucency;
 use crate::app::{Scan, Scene};
 use crate::cli::args::{Global, ImageSize, QualityName, RenderArgs, WallOverlay};
 use crate::cli::messages::say;
-use crate::cli::{Program, prepare};
+use crate::cli::{Program, intrinsics, prepare};
 use crate::components::translucent::Translucent;
 use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
@@ -25,13 +25,14 @@ use crate::panics;
 use crate::progress::Progress;
 use crate::render::translucency::TranslucencySettings;
 use crate::render::wall_paint::{Pictured, SpotPaint};
-use crate::render::{CameraModel, Frame, Preset, Reuse, View, depths, renderer};
+use crate::render::{Camera, CameraModel, Frame, Preset, Reuse, View, depths, normals, renderer};
 use crate::volume::Volume;
 
-/// A list of poses for `--poses`. Unknown fields are ignored.
+/// A list of poses for `--poses`. Unknown fields are ignored, and so is the view angle if there is a camera.
 #[derive(Deserialize)]
 struct Poses {
     fov_degrees: Option<f64>,
+    camera: Option<Value>,
     poses: Vec<Pose>,
 }
 
@@ -56,21 +57,23 @@ pub(crate) fn run(program: &Program, args: &RenderArgs, global: &Global, progres
     let preset = prepare::preset(program, args.preset.as_deref(), Preset::default())?;
     let mut settings = prepare::quality(args.quality);
     settings.samples_per_pixel = args.samples.unwrap_or(1).min(4096) as u32;
-    let camera = prepare::camera(program, global, CameraModel::default())?;
-    let poses = read(&args.poses, camera)?;
-    let fov = match global.fov {
-        Some(_) => prepare::fov(global, camera)?,
-        None => poses.fov_degrees.unwrap_or(90.0),
-    };
-    let size = args.size.unwrap_or(ImageSize { width: 1024, height: 1024 });
+    let model = prepare::camera(program, global, CameraModel::default())?;
+    let poses = read(&args.poses, model)?;
+    let size = args.size.map_or_else(|| prepare::usual_size(model), Ok)?;
+    let (camera, name) = camera(global, &poses, model, (&args.poses, size))?;
     let views: Vec<View> = poses
         .poses
         .iter()
         .enumerate()
         .map(|(n, p)| {
             let [position, forward, up] = [p.position, p.forward, p.up].map(DVec3::from_array);
-            View::with_model(position, forward, up, camera, fov, size.width, size.height).map_err(|e| match e.kind {
-                Kind::Usage => Error::file(&args.poses, format!("pose {n}: {}: {}", e.what, e.why), e.hint),
+            View::with_camera(position, forward, up, Arc::clone(&camera), size.width, size.height).map_err(|e| match e
+                .kind
+            {
+                // A size that the camera does not have is no fault of the file.
+                Kind::Usage if e.what != "image size" => {
+                    Error::file(&args.poses, format!("pose {n}: {}: {}", e.what, e.why), e.hint)
+                }
                 _ => e,
             })
         })
@@ -97,6 +100,7 @@ pub(crate) fn run(program: &Program, args: &RenderArgs, global: &Global, progres
     let mut renderer = timings.time("renderer_s", make)?;
     let mut frame = Frame::new(size.width, size.height);
     let mut depth = vec![0.0; if args.depth { size.width * size.height } else { 0 }];
+    let mut normal = vec![[0.0; 3]; if args.normals { size.width * size.height } else { 0 }];
     let mut frames = Vec::with_capacity(views.len());
     progress.stage("rendering", views.len() as u64);
     let mut complaints = BTreeSet::new();
@@ -104,7 +108,11 @@ pub(crate) fn run(program: &Program, args: &RenderArgs, global: &Global, progres
         let begun = Instant::now();
         if args.depth {
             let measure = || depths(scan.volume(), view, &mut depth, progress);
-            panics::ask_plugin(|| format!("camera {}", camera.name), measure)?;
+            panics::ask_plugin(|| format!("camera {name}"), measure)?;
+        }
+        if args.normals {
+            let measure = || normals(scan.volume(), view, &mut normal, progress);
+            panics::ask_plugin(|| format!("camera {name}"), measure)?;
         }
         let work = panics::catch(|| renderer.render(view, &mut frame)).map_err(|why| {
             let what = format!("preset {}", preset.name);
@@ -127,6 +135,10 @@ pub(crate) fn run(program: &Program, args: &RenderArgs, global: &Global, progres
         if args.depth {
             // mm, row 0 on top.
             output::write_npy(&args.out.join(format!("{n:04}.npy")), &depth, &[size.height, size.width])?;
+        }
+        if args.normals {
+            let path = args.out.join(format!("{n:04}.normals.npy"));
+            output::write_npy(&path, normal.as_flattened(), &[size.height, size.width, 3])?;
         }
         progress.advance(1)
     };
@@ -170,11 +182,35 @@ fn coats(scan: &mut Scan, progress: &Progress) -> Result<SpotPaint> {
     Ok(SpotPaint::new(found.places, COAT))
 }
 
+/// Returns the camera of the command line or of the poses' file, and its name. Fails with status 2 for one that there is not, and if both
+/// name one.
+fn camera(
+    global: &Global,
+    poses: &Poses,
+    model: CameraModel,
+    (path, size): (&Path, ImageSize),
+) -> Result<(Arc<dyn Camera>, String)> {
+    let Some(value) = &poses.camera else {
+        let fov = match global.fov {
+            Some(_) => prepare::fov(global, model)?,
+            None => poses.fov_degrees.unwrap_or(90.0),
+        };
+        return Ok((model.camera(fov, size.width as f64 / size.height as f64)?, model.name.to_owned()));
+    };
+    for (option, given) in [("--camera", global.camera.is_some()), ("--fov", global.fov.is_some())] {
+        if given {
+            let why = format!("{} holds a camera", path.display());
+            return Err(Error::usage(option, why, "leave the option out, or the file's camera"));
+        }
+    }
+    Ok((intrinsics::camera(path, value, size)?, format!("in {}", path.display())))
+}
+
 fn read(path: &Path, camera: CameraModel) -> Result<Poses> {
     let hint = r#"give {"fov_degrees": 90, "poses": [{"position": […], "forward": […], "up": […]}, …]}"#;
     let text = output::read_text(path, hint)?;
     let poses: Poses = serde_json::from_str(&text).map_err(|e| Error::file(path, e.to_string(), hint).caused_by(e))?;
-    if let Some(fov) = poses.fov_degrees {
+    if let Some(fov) = poses.fov_degrees.filter(|_| poses.camera.is_none()) {
         camera.camera(fov, 1.0).map_err(|e| match e.kind {
             Kind::Usage => Error::file(path, format!("fov_degrees: {}", e.why), hint),
             _ => e,

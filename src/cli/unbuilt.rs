@@ -1,4 +1,4 @@
-//! Planned commands, options and values that are not built yet. They are refused with that reason and never mistaken for an input.
+//! Planned commands and options that are not built yet. They are refused with that reason and never mistaken for an input.
 
 use std::ffi::OsString;
 
@@ -9,9 +9,7 @@ use crate::error::{Error, program_name};
 /// Planned commands.
 const COMMANDS: [&str; 1] = ["dataset"];
 /// Planned options of built commands.
-const OPTIONS: [&str; 2] = ["--normals", "--truth"];
-/// Planned values of built options.
-const VALUES: [(&str, &str); 2] = [("--camera", "fisheye"), ("--camera", "panorama")];
+const OPTIONS: [&str; 1] = ["--truth"];
 
 /// Refuses a command that is not built yet; `place` is the command's position in the line. An input with such a name needs a path
 /// (`./dataset`) or an explicit command (`fly dataset`). Fails with status 2.
@@ -32,7 +30,7 @@ pub(super) fn is_command(name: &str) -> bool {
     COMMANDS.contains(&name)
 }
 
-/// The refusal of an option or value that is not built yet, if that is why the command line was refused.
+/// The refusal of an option that is not built yet, if that is why the command line was refused.
 pub(super) fn refusal(e: &clap::Error) -> Option<Error> {
     let text = |kind| match e.get(kind) {
         Some(ContextValue::String(s)) => s.as_str(),
@@ -43,11 +41,6 @@ pub(super) fn refusal(e: &clap::Error) -> Option<Error> {
     let option = argument.split([' ', '=']).next().unwrap_or(argument);
     let what = match e.kind() {
         ErrorKind::UnknownArgument => OPTIONS.into_iter().find(|o| *o == option)?.to_owned(),
-        ErrorKind::InvalidValue => {
-            let value = text(ContextKind::InvalidValue);
-            VALUES.into_iter().find(|v| *v == (option, value))?;
-            format!("{option} {value}")
-        }
         _ => return None,
     };
     Some(Error::usage(what, "is not built yet", format!("see {} --help, or that of the command", program_name())))
@@ -74,17 +67,13 @@ mod tests {
     }
 
     #[test]
-    fn planned_options_and_values_are_told_from_unknown_ones() {
+    fn planned_options_are_told_from_unknown_ones() {
         let refused = |words: &[&str]| match Program::default().parse(words.iter().copied()) {
             Err(ParseError::Line(e)) => refusal(&e).map(|e| (e.what, e.why)),
             other => panic!("{other:?}"),
         };
-        for (words, what) in [
-            (&["colvis", "render", "--normals"][..], "--normals"),
-            (&["colvis", "--camera", "fisheye"], "--camera fisheye"),
-        ] {
-            assert_eq!(refused(words), Some((what.to_owned(), "is not built yet".to_owned())), "{words:?}");
-        }
+        let planned = refused(&["colvis", "render", "--truth"]);
+        assert_eq!(planned, Some(("--truth".to_owned(), "is not built yet".to_owned())));
         for words in [&["colvis", "fly", "--warp"][..], &["colvis", "--camera", "warp"], &["colvis", "report", "warp"]]
         {
             assert_eq!(refused(words), None, "{words:?}");

@@ -14,7 +14,7 @@ use crate::app::overlays::gaps;
 use crate::app::plan::triple;
 use crate::app::{Catalog, FlightApp, FlightRequest, ImageSettings, Overlay, Place, Scan, Scene, Steering, Timings};
 use crate::cli::Program;
-use crate::cli::args::{FlyArgs, Global, ImageSize, Point};
+use crate::cli::args::{FlyArgs, Global, Point};
 use crate::cli::files::Files;
 use crate::cli::messages::say;
 use crate::cli::prepare;
@@ -208,10 +208,10 @@ fn image_settings(
     scene: &Scene,
     screen: Screen,
 ) -> Result<ImageSettings> {
-    let size = args.size.unwrap_or(ImageSize { width: 1024, height: 1024 });
     let quality = prepare::quality(args.quality);
     let camera = prepare::camera(program, global, scene.image.camera)?;
     let camera = CameraModel { options: scene.options.of(camera.name), ..camera };
+    let size = args.size.map_or_else(|| prepare::usual_size(camera), Ok)?;
     let preset = scene.image.preset;
     let adaptive = screen == Screen::Window || quality.adaptive;
     let light = if screen == Screen::Window { Light::ENDOSCOPE } else { Light::HEADLIGHT };
@@ -305,7 +305,7 @@ fn fly_with(
     let covering = Covering::asked(args, global)?;
     let commands = args.replay.as_deref().map(read_commands).transpose()?;
     if extent == Extent::Short && args.size.is_none() {
-        (scene.image.width, scene.image.height) = (320, 320);
+        (scene.image.width, scene.image.height) = (320 * scene.image.width / scene.image.height.max(1), 320);
     }
     let bar = Bar::show(progress);
     let mut timings = Timings::default();

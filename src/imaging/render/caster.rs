@@ -140,8 +140,20 @@ impl ImageRequest<'_> {
 /// # Errors
 /// Returns status 4 if cancelled.
 pub fn depths(volume: &PreparedVolume, view: &View, depth: &mut [f32], progress: &Progress) -> Result<()> {
+    crossings(volume, view, depth, progress, |hit| hit.map_or(f32::INFINITY, |(_, t)| t as f32))
+}
+
+/// Fills `out` with what `of` makes of every pixel's ray and the exact distance to the wall along it, mm, row by row: `None` where there is
+/// no wall. Fails with status 4 if cancelled.
+pub(super) fn crossings<T: Send>(
+    volume: &PreparedVolume,
+    view: &View,
+    out: &mut [T],
+    progress: &Progress,
+    of: impl Fn(Option<(CameraRay, f64)>) -> T + Sync,
+) -> Result<()> {
     let width = view.width();
-    depth.par_chunks_mut(BUNDLE * width).enumerate().try_for_each(|(n, band)| {
+    out.par_chunks_mut(BUNDLE * width).enumerate().try_for_each(|(n, band)| {
         progress.check()?;
         let rows = band.len() / width;
         let mut rays = Vec::with_capacity(BUNDLE * BUNDLE);
@@ -149,11 +161,11 @@ pub fn depths(volume: &PreparedVolume, view: &View, depth: &mut [f32], progress:
             let columns = left..(left + BUNDLE).min(width);
             let pixels = || (0..rows).flat_map(|y| columns.clone().map(move |x| (x, y)));
             rays.clear();
-            rays.extend(pixels().map(|(x, y)| view.ray(x, n * BUNDLE + y).map(|r| (r.origin, r.direction))));
-            let bundle = Bundle::new(volume, rays.iter().flatten().copied());
+            rays.extend(pixels().map(|(x, y)| view.ray(x, n * BUNDLE + y)));
+            let bundle = Bundle::new(volume, rays.iter().flatten().map(|r| (r.origin, r.direction)));
             for ((x, y), ray) in pixels().zip(&rays) {
-                let hit = ray.and_then(|ray| bundle.first_crossing(ray));
-                band[y * width + x] = hit.map_or(f32::INFINITY, |t| t as f32);
+                let hit = ray.and_then(|ray| Some((ray, bundle.first_crossing((ray.origin, ray.direction))?)));
+                band[y * width + x] = of(hit);
             }
         }
         Ok(())

@@ -39,6 +39,7 @@ mod light;
 mod low;
 mod march;
 mod memory;
+mod normals;
 #[doc(hidden)]
 pub mod options;
 #[doc(hidden)]
@@ -78,6 +79,7 @@ pub use factory::renderer;
 pub use frame::{Frame, ImageSize, Work, psnr};
 pub use light::Light;
 pub use memory::MemoryPart;
+pub use normals::normals;
 pub use options::Options;
 pub use preset::{Preparation, Preset, Reuse};
 pub use quality::{Classification, Quality, Settings};

@@ -51,6 +51,18 @@ impl Cell {
         k0 + k1 * u + k2 * v + k3 * w + k4 * u * v + k5 * u * w + k6 * v * w + k7 * u * v * w
     }
 
+    /// Returns the change of HU per voxel along each axis at `p`, in voxels from the lowest corner.
+    #[inline]
+    pub fn gradient(&self, p: DVec3) -> DVec3 {
+        let [_, k1, k2, k3, k4, k5, k6, k7] = self.0;
+        let (u, v, w) = (p.x, p.y, p.z);
+        DVec3::new(
+            k1 + k4 * v + k5 * w + k7 * v * w,
+            k2 + k4 * u + k6 * w + k7 * u * w,
+            k3 + k5 * u + k6 * v + k7 * u * v,
+        )
+    }
+
     /// Returns the value at `p + s·d` as a cubic in s: its coefficients, lowest power first. `p` and `d` are in voxels.
     #[inline]
     pub fn along(&self, p: DVec3, d: DVec3) -> [f64; 4] {

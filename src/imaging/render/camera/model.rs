@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
+use super::form::Form;
 use crate::error::Result;
 use crate::panics::ask_plugin;
 use crate::render::options::Options;
@@ -45,6 +46,17 @@ pub trait Camera: AnyCamera + Send + Sync + Debug {
     /// Between any two points that are r apart, and between which every point has a ray, unit directions differ by no
     /// more than r times this. If it is unknown, every pixel gets its own ray, which takes longer.
     fn most_turn(&self) -> Option<f64> {
+        None
+    }
+
+    /// Returns the only width divided by height that an image may have; `None` if it may have any.
+    fn aspect(&self) -> Option<f64> {
+        None
+    }
+
+    /// Returns a form from which sixteen rays are computed at once; `None` if the camera has none, and [`ray`](Camera::ray) is asked for
+    /// each. Both must give the same directions, in single precision.
+    fn form(&self) -> Option<Form<'_>> {
         None
     }
 }

@@ -25,7 +25,7 @@ impl CameraModel {
 }
 
 /// Positions nearer than this to the plane through the camera, as a share of their distance, are not visible.
-const GRAZING: f64 = 1e-3;
+pub(super) const GRAZING: f64 = 1e-3;
 
 /// A pinhole camera with a view angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,7 +43,12 @@ impl Perspective {
             let why = format!("{fov_degrees}° is not between 0 and 180");
             return Err(Error::usage("view angle", why, "give degrees, such as 90"));
         }
-        Ok(Self { tangent: (0.5 * fov_degrees.to_radians()).tan() })
+        Ok(Self::of_tangent((0.5 * fov_degrees.to_radians()).tan()))
+    }
+
+    /// Creates a camera from the tangent of half its view angle.
+    pub(super) fn of_tangent(tangent: f64) -> Self {
+        Self { tangent }
     }
 }
 

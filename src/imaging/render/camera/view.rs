@@ -135,6 +135,10 @@ impl View {
             let why = format!("{width}x{height} is not within 1 to {MAX_SIDE}");
             return Err(Error::usage("image size", why, "give WxH in pixels, such as 1024x1024"));
         }
+        if let Some(aspect) = camera.aspect().filter(|a| (width as f64 - a * height as f64).abs() > 1e-6) {
+            let why = format!("{width}x{height} is not {aspect}:1, as this camera's pictures are");
+            return Err(Error::usage("image size", why, format!("give {:.0}x{height}", aspect * height as f64)));
+        }
         let right = [up, DVec3::Z, DVec3::NEG_Y]
             .iter()
             .map(|&u| forward.cross(u))
@@ -208,6 +212,11 @@ impl View {
         // A value that is NaN, negative, or larger than any two unit directions can differ is ignored.
         let most_turn = || self.camera.most_turn().filter(|t| (0.0..1e6).contains(t));
         self.pixel.or_else(|| Some(most_turn()? * self.unit.max_element()))
+    }
+
+    /// Returns width and height of a pixel, in halves of the shorter side of the camera's image.
+    pub(crate) fn unit(&self) -> DVec2 {
+        self.unit
     }
 
     /// Returns the middle of the camera's image, in pixels from the top left corner: that of this image, except for a

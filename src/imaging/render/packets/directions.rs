@@ -6,6 +6,7 @@ use fearless_simd::{Simd, f32x16, i32x16, mask32x16, prelude::*};
 use glam::{DMat3, DVec3, Vec3};
 
 use super::beam::Beam;
+use super::forms::FormLanes;
 use crate::render::camera::View;
 
 /// How directions are found.
@@ -20,13 +21,15 @@ pub(crate) enum DirectionSource {
         pixel: f32,
         centre: [f32; 2],
     },
-    /// From the camera model, ray by ray.
+    /// From the camera model: by its form, or else ray by ray.
     Any {
         view: Box<View>,
         /// Turns a world direction into a step, voxels.
         to_step: DMat3,
         /// [`View::pixel_turn`].
         turn: Option<f32>,
+        /// Computes sixteen rays at once, if the camera has a form.
+        form: Option<Box<FormLanes>>,
     },
 }
 
@@ -76,9 +79,12 @@ impl DirectionSource {
                 pixel: pixel as f32,
                 centre: view.centre().map(|c| c as f32),
             },
-            None => {
-                Self::Any { view: Box::new(view.clone()), to_step, turn: view.pixel_turn().map(|turn| turn as f32) }
-            }
+            None => Self::Any {
+                view: Box::new(view.clone()),
+                to_step,
+                turn: view.pixel_turn().map(|turn| turn as f32),
+                form: FormLanes::new(view, step).map(Box::new),
+            },
         }
     }
 
@@ -115,7 +121,13 @@ impl DirectionSource {
     pub(crate) fn lanes<S: Simd>(&self, simd: S, x: f32x16<S>, y: f32x16<S>) -> Directions<S> {
         let (step, world, pixel, centre) = match self {
             Self::Perspective { step, world, pixel, centre } => (*step, *world, *pixel, *centre),
-            Self::Any { view, to_step, .. } => {
+            Self::Any { view, to_step, form, .. } => {
+                // Not with `and_then`: closures do not inherit the level's instructions.
+                if let Some(form) = form
+                    && let Some(found) = form.lanes(simd, x, y)
+                {
+                    return found;
+                }
                 return each(simd, view, *to_step, [x.to_array(), y.to_array()]);
             }
         };

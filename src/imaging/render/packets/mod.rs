@@ -5,6 +5,7 @@ mod blur;
 mod cells;
 pub(super) mod directions;
 mod fit;
+mod forms;
 pub(super) mod lanes;
 mod layer;
 mod occupancy;
