@@ -12,7 +12,7 @@
 //! dynamics
 //! render
 //! components, schedule, surface
-//! polyps, unfold, coverage
+//! polyps, unfold, coverage, dataset
 //! systems
 //! app, plane, testing
 //! host, report
@@ -226,6 +226,7 @@
 
 #[doc(inline)]
 pub use colvis_app as app;
+pub use colvis_dataset::dataset;
 #[cfg(feature = "dicom")]
 #[doc(inline)]
 pub use colvis_dicom as dicom;

@@ -11,13 +11,13 @@ use clap::{ArgAction, Args as ClapArgs, CommandFactory, FromArgMatches, Parser, 
 
 pub use crate::cli::batch::steps::Step;
 pub use crate::cli::phantom_args::{PhantomArgs, PhantomFeature, PhantomPosition, PhantomSize};
-pub use crate::cli::values::{Pair, Point, SeriesChoice, Shard, Triple};
+pub use crate::cli::values::{Pair, Point, SeedRange, SeriesChoice, Shard, Triple};
 pub use crate::render::ImageSize;
 
 use crate::app::findings::Scheme;
 use crate::cli::messages::{failed, print};
 use crate::cli::shared::Shared;
-use crate::cli::values::{bytes, count, number, plane, seconds, seed, series, shard, slab, steps, threads};
+use crate::cli::values::{bytes, count, number, plane, seconds, seed, seed_range, series, shard, slab, steps, threads};
 use crate::cli::{Program, unbuilt};
 use crate::error::{Error, program_name, set_program_name};
 use crate::fields::CenterlineMethod;
@@ -128,6 +128,8 @@ pub enum Command {
     Info(InfoArgs),
     /// Print which systems a flight runs, what it builds, and what it leaves out and why
     Explain(ExplainArgs),
+    /// Write the pictures of a flight with their ground truth, for learning and SLAM
+    Dataset(Box<DatasetArgs>),
     /// Run tentacles and mines in a two-dimensional drawing
     Plane(PlaneArgs),
     /// Measure error against run time
@@ -637,6 +639,89 @@ pub struct ExplainArgs {
     /// Print JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// `dataset`'s arguments.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct DatasetArgs {
+    /// Scan: NIfTI, MetaImage, NRRD, DICOM, or a folder of PNG slices [default: the embedded phantom]
+    pub input: Option<PathBuf>,
+    /// Phantoms of these seeds instead of a scan, each in a folder of its own
+    #[arg(long, value_name = "A..B", value_parser = seed_range)]
+    pub phantoms: Option<SeedRange>,
+    /// Folder for the dataset: whole, or not there
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// How files are named and listed (`--help` lists the layouts)
+    #[arg(long, value_name = "LAYOUT", default_value = "colvis")]
+    pub layout: String,
+    /// Poses of the pictures instead of a flight, as JSON
+    #[arg(long, value_name = "P.json")]
+    pub poses: Option<PathBuf>,
+    /// Kinds of ground truth: depth, z, normals, flow, shading, labels, along [default: all]
+    #[arg(long, value_name = "KIND,...", value_delimiter = ',')]
+    pub truth: Vec<String>,
+    /// Steering method (`--help` lists them)
+    #[arg(long, value_name = "GUIDE")]
+    pub guide: Option<String>,
+    /// Start: rectum, cecum, or X,Y,Z in mm LPS
+    #[arg(long, value_name = "P", allow_hyphen_values = true)]
+    pub from: Option<Point>,
+    /// Goal: rectum, cecum, or X,Y,Z in mm LPS
+    #[arg(long, value_name = "P", allow_hyphen_values = true)]
+    pub to: Option<Point>,
+    /// Swap start and goal
+    #[arg(long)]
+    pub reverse: bool,
+    /// Limit in simulated seconds [default: 600]
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    pub seconds: Option<f64>,
+    /// Pictures per simulated second [default: 30]
+    #[arg(long, value_name = "F", allow_hyphen_values = true)]
+    pub fps: Option<f64>,
+    /// Image size in pixels [default: 1024x1024]
+    #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
+    pub size: Option<ImageSize>,
+    /// Replay recorded operator input
+    #[arg(long, value_name = "F")]
+    pub replay: Option<PathBuf>,
+    /// Replay a flight from its log
+    #[arg(long, value_name = "LOG")]
+    pub play: Option<PathBuf>,
+    /// Speed of --play relative to the original flight
+    #[arg(long, value_name = "R", allow_hyphen_values = true)]
+    pub rate: Option<f64>,
+    /// Scene file with plugins and settings
+    #[arg(long, value_name = "S.toml")]
+    pub scene: Option<PathBuf>,
+    /// Write the time of each part as JSON
+    #[arg(long, value_name = "F.json")]
+    pub stats: Option<PathBuf>,
+    /// Chooses the pictures' noise [default: 1]
+    #[arg(long, value_name = "N")]
+    pub noise_seed: Option<u64>,
+}
+
+impl DatasetArgs {
+    /// Returns the flight whose frames are the pictures.
+    pub fn flight(&self) -> FlyArgs {
+        FlyArgs {
+            input: self.input.clone(),
+            headless: true,
+            guide: self.guide.clone(),
+            from: self.from,
+            to: self.to,
+            reverse: self.reverse,
+            seconds: self.seconds,
+            fps: self.fps,
+            size: self.size,
+            replay: self.replay.clone(),
+            play: self.play.clone(),
+            rate: self.rate,
+            scene: self.scene.clone(),
+            ..FlyArgs::default()
+        }
+    }
 }
 
 /// `plane`'s arguments.

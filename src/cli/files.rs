@@ -63,6 +63,10 @@ impl Files {
                 let more = a.twin.iter().chain(&a.second).chain(&a.labels).chain(&a.truth);
                 none().reads(&a.into).writes([&a.out]).writes(more)
             }
+            Some(Command::Dataset(a)) => none()
+                .reads(a.input.iter().chain(&a.poses).chain(&a.replay).chain(&a.play).chain(&a.scene))
+                .writes([&a.out])
+                .writes(&a.stats),
             Some(Command::Info(a)) => none().reads([&a.input]),
             Some(Command::Plane(a)) => Self::plane(a),
             Some(Command::Report(a)) => none().reads(a.scan.iter().chain(&a.truth)).writes([&a.out]),

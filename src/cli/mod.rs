@@ -9,6 +9,7 @@ mod case;
 mod centerline;
 mod cleanse;
 mod colon;
+mod dataset;
 mod explain;
 mod files;
 mod fly;
@@ -448,6 +449,7 @@ fn run(program: &Program, args: Args) -> Result<()> {
         _ => None,
     };
     match args.command {
+        Some(Command::Dataset(a)) => dataset::run(program, &a, &global, &progress),
         Some(Command::Info(a)) => info::run(&a, &global, &progress),
         Some(Command::Phantom(a)) => phantom::run(&a, &global, &progress),
         Some(Command::Slice(a)) => slice::run(&a, &global, &progress),

@@ -29,18 +29,18 @@ use crate::render::{Camera, CameraModel, Frame, Preset, Reuse, View, depths, nor
 use crate::volume::Volume;
 
 /// A list of poses for `--poses`. Unknown fields are ignored, and so is the view angle if there is a camera.
-#[derive(Deserialize)]
-struct Poses {
-    fov_degrees: Option<f64>,
-    camera: Option<Value>,
-    poses: Vec<Pose>,
+#[derive(Default, Deserialize)]
+pub(super) struct Poses {
+    pub(super) fov_degrees: Option<f64>,
+    pub(super) camera: Option<Value>,
+    pub(super) poses: Vec<Pose>,
 }
 
 #[derive(Deserialize)]
-struct Pose {
-    position: [f64; 3],
-    forward: [f64; 3],
-    up: [f64; 3],
+pub(super) struct Pose {
+    pub(super) position: [f64; 3],
+    pub(super) forward: [f64; 3],
+    pub(super) up: [f64; 3],
 }
 
 /// Runs the command. Fails with status 2 for invalid options, 3 for an unusable input, 4 if interrupted, 5 if an output cannot be
@@ -184,7 +184,7 @@ fn coats(scan: &mut Scan, progress: &Progress) -> Result<SpotPaint> {
 
 /// Returns the camera of the command line or of the poses' file, and its name. Fails with status 2 for one that there is not, and if both
 /// name one.
-fn camera(
+pub(super) fn camera(
     global: &Global,
     poses: &Poses,
     model: CameraModel,
@@ -206,7 +206,8 @@ fn camera(
     Ok((intrinsics::camera(path, value, size)?, format!("in {}", path.display())))
 }
 
-fn read(path: &Path, camera: CameraModel) -> Result<Poses> {
+/// Reads a list of poses for a camera model.
+pub(super) fn read(path: &Path, camera: CameraModel) -> Result<Poses> {
     let hint = r#"give {"fov_degrees": 90, "poses": [{"position": […], "forward": […], "up": […]}, …]}"#;
     let text = output::read_text(path, hint)?;
     let poses: Poses = serde_json::from_str(&text).map_err(|e| Error::file(path, e.to_string(), hint).caused_by(e))?;

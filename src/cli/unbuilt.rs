@@ -7,7 +7,7 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use crate::error::{Error, program_name};
 
 /// Planned commands.
-const COMMANDS: [&str; 1] = ["dataset"];
+const COMMANDS: [&str; 0] = [];
 /// Planned options of built commands.
 const OPTIONS: [&str; 1] = ["--truth"];
 

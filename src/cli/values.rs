@@ -142,6 +142,25 @@ pub(crate) fn count(s: &str) -> Result<usize, String> {
     s.parse().ok().filter(|n| (1..=4096).contains(n)).ok_or_else(|| "must be a whole number from 1 to 4096".to_owned())
 }
 
+/// Seeds from the first to the last, both included.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SeedRange {
+    /// The first.
+    pub first: u64,
+    /// The last.
+    pub last: u64,
+}
+
+/// Seeds, `A..B`.
+pub(crate) fn seed_range(s: &str) -> Result<SeedRange, String> {
+    let ends = s.split_once("..").and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
+    let (first, last) = ends.ok_or("is not A..B, such as 1..50")?;
+    if first > last || last - first >= 10_000 {
+        return Err("is not a range of at most 10,000 seeds, the least first".to_owned());
+    }
+    Ok(SeedRange { first, last })
+}
+
 /// Which series of an input, or of an archive.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SeriesChoice {

@@ -13,7 +13,7 @@ use super::{Phantom, tag::Tag};
 
 /// A polyp of either kind, by its index.
 #[derive(Clone, Copy, Debug)]
-enum Which {
+pub(super) enum Which {
     Ball(usize),
     Lesion(usize),
 }
@@ -44,7 +44,7 @@ impl Phantom {
         self.in_order().into_par_iter().map(measured).collect()
     }
 
-    fn in_order(&self) -> Vec<Which> {
+    pub(super) fn in_order(&self) -> Vec<Which> {
         let balls = self.shape.polyps.iter().enumerate().map(|(i, a)| (a.s, Which::Ball(i)));
         let lesions = self.shape.lesions.iter().enumerate().map(|(i, a)| (a.s, Which::Lesion(i)));
         let mut all: Vec<_> = balls.chain(lesions).collect();

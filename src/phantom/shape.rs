@@ -24,7 +24,7 @@ pub(crate) const DEEP: f64 = 6.0;
 
 /// Arc length within which features can matter, mm. It is larger than [`REACH`] because arcs on the inside of a bend
 /// are longer than distances.
-const WINDOW: f64 = 30.0;
+pub(crate) const WINDOW: f64 = 30.0;
 /// Maximum deviation of the plain wall from the mean radius, as a fraction of it; [`TAENIA_MM`] is added.
 const BULGE: f64 = 0.16;
 /// What counts as the radius of a closed lumen, mm.
@@ -227,6 +227,11 @@ impl Shape {
         near.filter_map(|f| f.surface(&here)).map(|s| s.d).fold(f64::NEG_INFINITY, f64::max)
     }
 
+    /// Returns the signed distance to the plain wall without anything that grows on it, mm.
+    pub(crate) fn bare(&self, foot: &FootPoint) -> f64 {
+        self.here(foot).1
+    }
+
     /// Returns the signed distance to the plain wall and the folds, mm, without fillets between them. Far from both, a fillet's
     /// distance may be too long.
     pub(crate) fn to_wall(&self, foot: &FootPoint) -> f64 {
@@ -371,7 +376,7 @@ impl Fold {
 }
 
 impl Bridge {
-    fn surface(&self, p: DVec3) -> Surface {
+    pub(crate) fn surface(&self, p: DVec3) -> Surface {
         let axis = self.to - self.from;
         let t = ((p - self.from).dot(axis) / axis.length_squared()).clamp(0.0, 1.0);
         Surface::about(self.from + axis * t, 0.5 * self.diameter_mm, p)

@@ -31,7 +31,8 @@ use crate::progress::Progress;
 use crate::render::{CameraModel, Light, Settings};
 use crate::surface::MeshFormat;
 use covering::Covering;
-use files::{read_commands, read_log, write_commands};
+pub(crate) use files::read_commands;
+use files::{read_log, write_commands};
 
 /// Limit of a headless flight in simulated seconds, without `--seconds`.
 const HEADLESS_SECONDS: f64 = 600.0;

@@ -144,8 +144,12 @@ pub fn depths(volume: &PreparedVolume, view: &View, depth: &mut [f32], progress:
 }
 
 /// Fills `out` with what `of` makes of every pixel's ray and the exact distance to the wall along it, mm, row by row: `None` where there is
-/// no wall. Fails with status 4 if cancelled.
-pub(super) fn crossings<T: Send>(
+/// no wall.
+///
+/// # Errors
+/// Returns status 4 if cancelled.
+#[doc(hidden)]
+pub fn crossings<T: Send>(
     volume: &PreparedVolume,
     view: &View,
     out: &mut [T],

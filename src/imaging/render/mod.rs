@@ -71,6 +71,8 @@ mod tissue_tests;
 pub use crate::space::{PreparedVolume, TransferFunction, first_crossing};
 pub use adaptive::Budget;
 pub use camera::{Camera, CameraModel, CameraRay, Origins, View};
+#[doc(hidden)]
+pub use caster::crossings;
 pub use caster::{depths, render};
 pub use choices::{Choices, GradientSource, Leaping, LowDetail};
 pub use direct::Direct;
@@ -79,6 +81,8 @@ pub use factory::renderer;
 pub use frame::{Frame, ImageSize, Work, psnr};
 pub use light::Light;
 pub use memory::MemoryPart;
+#[doc(hidden)]
+pub use normals::normal_at;
 pub use normals::normals;
 pub use options::Options;
 pub use preset::{Preparation, Preset, Reuse};

@@ -1,5 +1,7 @@
 //! The wall's exact normals.
 
+use glam::DVec3;
+
 use super::camera::{CameraRay, View};
 use super::caster::crossings;
 use crate::error::Result;
@@ -19,13 +21,16 @@ const BEFORE: f64 = 1e-7;
 /// # Errors
 /// Returns status 4 if cancelled.
 pub fn normals(volume: &PreparedVolume, view: &View, normals: &mut [[f32; 3]], progress: &Progress) -> Result<()> {
-    crossings(volume, view, normals, progress, |hit| hit.map_or([f32::NAN; 3], |(ray, t)| normal(volume, ray, t)))
+    let normal = |(ray, t): (CameraRay, f64)| normal_at(volume, ray, t).map(|n| n.as_vec3().to_array());
+    crossings(volume, view, normals, progress, |hit| hit.and_then(normal).unwrap_or([f32::NAN; 3]))
 }
 
-/// Returns the normal where a ray crosses the wall `t` mm from its origin.
-fn normal(volume: &PreparedVolume, ray: CameraRay, t: f64) -> [f32; 3] {
+/// Returns the unit normal, towards the gas, where a ray crosses the wall `t` mm from its origin; `None` at its origin, and where the wall
+/// has no normal.
+#[doc(hidden)]
+pub fn normal_at(volume: &PreparedVolume, ray: CameraRay, t: f64) -> Option<DVec3> {
     if t <= 0.0 {
-        return [f32::NAN; 3];
+        return None;
     }
     let grid = volume.voxels().grid();
     let along = grid.to_voxel().transform_vector3(ray.direction);
@@ -34,7 +39,7 @@ fn normal(volume: &PreparedVolume, ray: CameraRay, t: f64) -> [f32; 3] {
     let cell = Cell::load(volume.voxels(), base.to_array().map(|c| c as i64));
     let gradient = grid.to_voxel().matrix3.transpose() * cell.gradient(at - base);
     // A wall without a gradient, touched at a single point, has no normal.
-    gradient.try_normalize().map_or([f32::NAN; 3], |g| (-g).as_vec3().to_array())
+    (-gradient).try_normalize()
 }
 
 #[cfg(test)]

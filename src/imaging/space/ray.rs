@@ -80,7 +80,8 @@ pub fn first_crossing_counted(
 ///
 /// How far none of them meets the wall is found once for all, by the box around them, step by step. From there on each
 /// ray walks by itself. So its distance is exactly that of [`first_crossing`].
-pub(crate) struct Bundle<'a> {
+#[doc(hidden)]
+pub struct Bundle<'a> {
     volume: &'a PreparedVolume,
     /// Voxel coordinates of the point.
     from: DVec3,
@@ -97,7 +98,7 @@ const AROUND: f64 = 1e-6;
 
 impl<'a> Bundle<'a> {
     /// Creates the bundle of some rays, each an origin (world mm) and a unit direction.
-    pub(crate) fn new(volume: &'a PreparedVolume, rays: impl Iterator<Item = (DVec3, DVec3)>) -> Self {
+    pub fn new(volume: &'a PreparedVolume, rays: impl Iterator<Item = (DVec3, DVec3)>) -> Self {
         let grid = volume.voxels().grid();
         let mut rays = rays.peekable();
         let origin = rays.peek().map_or(DVec3::NAN, |r| r.0);
@@ -119,7 +120,7 @@ impl<'a> Bundle<'a> {
     }
 
     /// Returns the distance along one of the rays to the wall: [`first_crossing`] without a limit.
-    pub(crate) fn first_crossing(&self, (origin, direction): (DVec3, DVec3)) -> Option<f64> {
+    pub fn first_crossing(&self, (origin, direction): (DVec3, DVec3)) -> Option<f64> {
         if self.free == 0.0 {
             return first_crossing(self.volume, origin, direction, f64::INFINITY);
         }

@@ -1,0 +1,180 @@
+//! Where the pictures of a dataset are taken: a list of poses, a flight, or a flight's log.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use sha2::{Digest, Sha256};
+
+use crate::app::{FlightApp, Scan};
+use crate::cli::args::{DatasetArgs, Global, ImageSize};
+use crate::cli::messages::say;
+use crate::cli::render::{Poses, camera, read};
+use crate::cli::{Program, fly, prepare};
+use crate::components::flight::State;
+use crate::components::output::LogLine;
+use crate::dataset::camera::Intrinsics;
+use crate::dynamics::STEP_HZ;
+use crate::error::{Error, Result};
+use crate::progress::Progress;
+use crate::render::{Camera, CameraModel, View};
+
+/// A flight ends after this time, s, as `fly --headless` does.
+const MOST_S: f64 = 600.0;
+/// Frames a second unless asked otherwise.
+const FPS: f64 = 30.0;
+
+/// A pose, and when it is taken, s.
+#[derive(Clone, Copy)]
+pub(super) struct Take {
+    seconds: f64,
+    position: DVec3,
+    forward: DVec3,
+    up: DVec3,
+}
+
+/// All poses of a dataset, and their camera.
+pub(super) struct Takes {
+    pub poses: Vec<Take>,
+    pub fps: f64,
+    pub camera: Intrinsics,
+    lens: Arc<dyn Camera>,
+    size: ImageSize,
+}
+
+/// Refuses what a dataset has no use for. Fails with status 2.
+pub(super) fn check(args: &DatasetArgs) -> Result<()> {
+    if args.phantoms.is_some() && args.input.is_some() {
+        return Err(Error::usage("--phantoms", "takes the place of a scan", "leave one of them out"));
+    }
+    if args.poses.is_some() && (args.play.is_some() || args.replay.is_some() || args.guide.is_some()) {
+        let why = "are the places of the pictures: there is no flight";
+        return Err(Error::usage("--poses", why, "leave the flight's options out"));
+    }
+    fly::check(&args.flight())
+}
+
+impl Takes {
+    /// Finds the poses of the arguments in a scan. Fails with status 2 for invalid options, 3 for an unusable file, 4 if there is no flight.
+    pub(super) fn new(
+        program: &Program,
+        (args, global): (&DatasetArgs, &Global),
+        scan: &mut Scan,
+        progress: &Arc<Progress>,
+    ) -> Result<Self> {
+        let model = prepare::camera(program, global, CameraModel::default())?;
+        let size = args.size.map_or_else(|| prepare::usual_size(model), Ok)?;
+        let fps = args.fps.unwrap_or(FPS);
+        let poses = match &args.poses {
+            Some(path) => read(path, model)?,
+            None => Poses::default(),
+        };
+        let place = args.poses.as_deref().unwrap_or(std::path::Path::new(""));
+        let (lens, _) = camera(global, &poses, model, (place, size))?;
+        let takes = match &args.poses {
+            Some(_) => poses
+                .poses
+                .iter()
+                .enumerate()
+                .map(|(n, p)| {
+                    let [position, forward, up] = [p.position, p.forward, p.up].map(DVec3::from_array);
+                    Take { seconds: n as f64 / fps, position, forward, up }
+                })
+                .collect(),
+            None => flown(program, (args, global), scan, fps, progress)?,
+        };
+        if takes.is_empty() {
+            return Err(Error::usage("dataset", "has no pose", "give poses, or a longer flight"));
+        }
+        let probe = Self { poses: takes, fps, camera: Intrinsics::Panorama, lens, size };
+        let (view, _) = probe.view(0)?;
+        let camera = match (&poses.camera, model.name) {
+            (Some(value), _) => {
+                serde_json::from_value(value.clone()).unwrap_or(Intrinsics::Other { name: "poses".into() })
+            }
+            (None, "fisheye") => {
+                let fov = global.fov.or(poses.fov_degrees).unwrap_or(90.0);
+                Intrinsics::of_equidistant(fov, [size.width, size.height])
+            }
+            (None, "panorama") => Intrinsics::Panorama,
+            (None, name) => Intrinsics::of_perspective(&view).unwrap_or(Intrinsics::Other { name: name.into() }),
+        };
+        // Every pose is one before any work is done.
+        for n in 0..probe.poses.len() {
+            probe.view(n)?;
+        }
+        Ok(Self { camera, ..probe })
+    }
+
+    /// Returns the camera of a frame, and when it is. Fails with status 2 for a pose that is none.
+    pub(super) fn view(&self, n: usize) -> Result<(View, f64)> {
+        let Take { seconds, position, forward, up } = self.poses[n];
+        let (width, height) = (self.size.width, self.size.height);
+        let view = View::with_camera(position, forward, up, Arc::clone(&self.lens), width, height);
+        let view = view.map_err(|mut e| {
+            e.what = format!("pose {n}: {}", e.what);
+            e
+        })?;
+        Ok((view, seconds))
+    }
+
+    /// Returns a hash of all poses.
+    pub(super) fn hash(&self) -> String {
+        let mut hash = Sha256::new();
+        for take in &self.poses {
+            for value in [take.position, take.forward, take.up].iter().flat_map(|v| v.to_array()).chain([take.seconds])
+            {
+                hash.update(value.to_le_bytes());
+            }
+        }
+        hash.finalize().iter().map(|b| format!("{b:02x}")).collect()
+    }
+}
+
+/// Flies, and returns where the camera is at each frame.
+fn flown(
+    program: &Program,
+    (args, global): (&DatasetArgs, &Global),
+    scan: &mut Scan,
+    fps: f64,
+    progress: &Arc<Progress>,
+) -> Result<Vec<Take>> {
+    let mut scene = fly::scene(program, &args.flight(), global, fly::Screen::None)?;
+    scene.log = true;
+    scan.cleanse_for(&scene)?;
+    let commands = args.replay.as_deref().map(fly::read_commands).transpose()?;
+    let mut flight = fly::flight(&args.flight(), scan, scene)?;
+    if let Some(commands) = commands {
+        flight.commands.replay(commands);
+    }
+    let most = flight.setup().scene.play().map_or(MOST_S, |p| p.takes_s() + 1.0);
+    let seconds = args.seconds.unwrap_or(most);
+    progress.stage("flying", 0);
+    let mut log: Vec<LogLine> = Vec::new();
+    while (flight.clock().seconds()) < seconds {
+        progress.check()?;
+        let left = seconds - flight.clock().seconds();
+        let state = flight.fly(left.min(1.0))?;
+        log.extend(flight.take_log());
+        if state != State::Flying {
+            tell(&flight, state);
+            break;
+        }
+    }
+    let every = f64::from(STEP_HZ) / fps;
+    let count = (log.len() as f64 / every).floor() as usize;
+    Ok((0..count)
+        .map(|n| {
+            let line = &log[((n as f64 * every).round() as usize).min(log.len() - 1)];
+            let [position, forward, up] = [line.position, line.forward, line.up].map(DVec3::from_array);
+            Take { seconds: n as f64 / fps, position, forward, up }
+        })
+        .collect())
+}
+
+/// Tells why a flight ended before its goal.
+fn tell(flight: &FlightApp, state: State) {
+    if state == State::Operator {
+        let reason = flight.flight().reason;
+        say(&format!("the flight ends at {:.1}: {reason}", flight.pose().position));
+    }
+}

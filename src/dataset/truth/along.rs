@@ -1,0 +1,56 @@
+//! The place of a point in the colon: distance along its line, distance from it, and angle about it.
+
+use glam::DVec3;
+
+use crate::fields::Along;
+use crate::fields::centerline::Centerline;
+use crate::fields::frames::{Frame, evenly, frames};
+
+/// The nearest point of the line is looked for within this of the one that the colon's map names, mm along.
+const WINDOW_MM: f64 = 12.0;
+
+/// The line of a colon with frames that do not turn about it.
+#[derive(Clone, Debug)]
+pub struct Rings {
+    along: std::sync::Arc<Along>,
+    frames: Vec<Frame>,
+    /// Distance of each frame along the line as scanned, mm.
+    mm: Vec<f64>,
+}
+
+impl Rings {
+    /// Creates them for the only line of a colon; `None` if there is none.
+    pub fn new(along: &std::sync::Arc<Along>) -> Option<Self> {
+        let line: &Centerline = along.only_line()?;
+        let (even, mm) = evenly(&line.points);
+        let frames = frames(&even);
+        (frames.len() > 1 && frames.len() == mm.len()).then(|| Self { along: std::sync::Arc::clone(along), frames, mm })
+    }
+
+    /// Returns the points of the line, world, mm, with the distance of each along it, mm.
+    pub fn points(&self) -> impl Iterator<Item = (f64, &Frame)> {
+        self.mm.iter().copied().zip(&self.frames)
+    }
+
+    /// Returns the distance along the line, mm, that from the line, mm, and the angle about it, radians from −π to π, of a point (world,
+    /// mm); `None` if it is farther than 12 mm from the lumen. Angle 0 is towards the patient's front where the line begins.
+    pub fn of(&self, place: DVec3) -> Option<[f64; 3]> {
+        let about = self.along.of(place)?.mm;
+        let first = self.mm.partition_point(|m| *m < about - WINDOW_MM);
+        let last = self.mm.partition_point(|m| *m <= about + WINDOW_MM).max(first + 2).min(self.frames.len());
+        let first = first.min(last - 2);
+        let away = |n: usize| self.frames[n].at.distance_squared(place);
+        let nearest = (first..last).min_by(|a, b| away(*a).total_cmp(&away(*b)))?;
+        // The nearest point of the two lengths that meet there.
+        let on = |n: usize| {
+            let (a, b) = (self.frames[n].at, self.frames[n + 1].at);
+            let share = ((place - a).dot(b - a) / (b - a).length_squared().max(1e-12)).clamp(0.0, 1.0);
+            (n, share, a.lerp(b, share).distance_squared(place))
+        };
+        let lengths = nearest.saturating_sub(1)..(nearest + 1).min(self.frames.len() - 1);
+        let (n, share, square) = lengths.map(on).min_by(|a, b| a.2.total_cmp(&b.2))?;
+        let frame = self.frames[n].to(&self.frames[n + 1], share);
+        let mm = self.mm[n] + (self.mm[n + 1] - self.mm[n]) * share;
+        Some([mm, square.sqrt(), frame.angle(place - frame.at)])
+    }
+}

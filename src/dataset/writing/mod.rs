@@ -1,0 +1,254 @@
+//! Writes a dataset into a folder that is whole or not there.
+//!
+//! Frames are written into a folder beside it, `NAME.part`, by threads of their own while the next ones are measured, each file whole or
+//! not at all. When all are there, the lists, the README and the checksums are added, and the folder gets its name. A run that was cut
+//! short goes on where it was: frames whose files are there are not measured again. Nothing depends on when, so the bytes are the same.
+
+mod part;
+mod readme;
+mod shots;
+
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+pub use part::Part;
+
+use super::camera::{Intrinsics, VisionPose};
+use super::layout::{Entry, Index, Layout, Point};
+use super::look::Look;
+use super::truth::{Kind, Labeller, Neighbour, Rings, Subject, Times, Truth};
+use crate::error::Result;
+use crate::progress::Progress;
+use crate::render::View;
+use crate::space::PreparedVolume;
+use shots::{Taken, is_there};
+
+/// Threads that write files.
+const WRITERS: usize = 2;
+
+/// What a dataset is made of.
+pub struct Source<'a> {
+    /// The scan.
+    pub volume: &'a PreparedVolume,
+    /// The cameras, and when each takes its picture, s.
+    pub views: &'a (dyn Fn(usize) -> Result<(View, f64)> + Sync),
+    /// Number of frames.
+    pub count: usize,
+    /// Frames a second.
+    pub fps: f64,
+    /// The camera.
+    pub camera: Intrinsics,
+    /// The line of the colon.
+    pub rings: Option<Rings>,
+    /// What the wall belongs to.
+    pub labeller: Option<&'a dyn Labeller>,
+    /// The names of the labels' numbers, and those of the parts.
+    pub names: [Vec<String>; 2],
+    /// Which ground truth.
+    pub kinds: Vec<Kind>,
+    /// How the pictures look.
+    pub look: Look,
+    /// Chooses the noise.
+    pub seed: u64,
+    /// What identifies the dataset beside the above: the command, the version, and the scan's hash.
+    pub told: serde_json::Value,
+}
+
+/// What was written, and the time that it took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Written {
+    /// Frames measured now. The others were there.
+    pub measured: usize,
+    /// Frames in all.
+    pub frames: usize,
+    /// Time of the truth's parts, all frames together.
+    pub truth: Times,
+    /// Time of the pictures.
+    pub look: Duration,
+    /// Time that files took, on their own threads.
+    pub files: Duration,
+    /// Time from the first frame to the last file.
+    pub whole: Duration,
+}
+
+/// Writes a dataset to `folder`. Returns what was done.
+///
+/// # Errors
+/// Returns status 2 if the folder is there and holds something else, 4 if interrupted, 5 if a file cannot be written.
+pub fn write(source: &Source<'_>, layout: &dyn Layout, folder: &Path, progress: &Progress) -> Result<Written> {
+    let begun = Instant::now();
+    let Some(part) = Part::begin(folder, &source.identity())? else {
+        return Ok(Written { frames: source.count, ..Written::default() });
+    };
+    progress.stage("measuring frames", source.count as u64);
+    let mut written = Written { frames: source.count, ..Written::default() };
+    let files = Mutex::new(Ok(Duration::ZERO));
+    let (send, receive) = sync_channel::<Taken>(WRITERS);
+    let receive = Mutex::new(receive);
+    let shot = std::thread::scope(|scope| {
+        for _ in 0..WRITERS {
+            scope.spawn(|| save(&receive, part.path(), layout, &files));
+        }
+        // The threads end when there is no sender left.
+        take_all(source, layout, part.path(), &files, send, &mut written, progress)
+    });
+    written.files = files.into_inner().unwrap_or_else(PoisonError::into_inner)?;
+    shot?;
+    progress.stage("finishing", 0);
+    let frames = (0..source.count).map(|n| source.entry(n)).collect::<Result<Vec<Entry>>>()?;
+    let points = points(source, layout, progress)?;
+    let size = if source.count > 0 { (source.views)(0)?.0 } else { return Ok(written) };
+    let index = Index {
+        camera: &source.camera,
+        size: [size.width(), size.height()],
+        fps: source.fps,
+        kinds: &source.kinds,
+        frames: &frames,
+        points: &points,
+    };
+    part.finish(source, layout, &index, progress)?;
+    written.whole = begun.elapsed();
+    Ok(written)
+}
+
+impl Source<'_> {
+    /// Returns what makes two datasets the same.
+    fn identity(&self) -> serde_json::Value {
+        serde_json::json!({
+            "frames": self.count, "fps": self.fps, "camera": self.camera, "truth": self.kinds, "look": self.look, "seed": self.seed,
+            "labels": self.names[0], "parts": self.names[1], "source": self.told,
+        })
+    }
+
+    fn entry(&self, n: usize) -> Result<Entry> {
+        let (view, seconds) = (self.views)(n)?;
+        Ok(Entry { n, seconds, pose: VisionPose::of(&view) })
+    }
+}
+
+/// Measures the frames that are not there, in order, and hands them to those who write.
+fn take_all(
+    source: &Source<'_>,
+    layout: &dyn Layout,
+    folder: &Path,
+    files: &Mutex<Result<Duration>>,
+    send: SyncSender<Taken>,
+    written: &mut Written,
+    progress: &Progress,
+) -> Result<()> {
+    for n in 0..source.count {
+        progress.check()?;
+        if files.lock().unwrap_or_else(PoisonError::into_inner).is_err() {
+            return Ok(());
+        }
+        let (view, seconds) = (source.views)(n)?;
+        if !is_there(folder, layout, &source.kinds, n, seconds) {
+            let near = |n: usize| (source.views)(n).map(|v| v.0);
+            let around =
+                [n.checked_sub(1).map(near).transpose()?, (n + 1 < source.count).then(|| near(n + 1)).transpose()?];
+            let subject = Subject {
+                volume: source.volume,
+                view: &view,
+                neighbours: [0, 1]
+                    .map(|k| around[k].as_ref().map(|view| Neighbour { volume: source.volume, view, moved: None })),
+                rings: source.rings.as_ref(),
+                labeller: source.labeller,
+            };
+            let mut truth = Truth::default();
+            truth.measure(subject, &source.kinds, progress)?;
+            let begun = Instant::now();
+            let picture = source.look.draw(&view, &truth.crossings, source.seed, n as u64);
+            written.look += begun.elapsed();
+            written.truth += truth.times;
+            written.measured += 1;
+            if send.send(Taken { n, seconds, view, truth, picture }).is_err() {
+                return Ok(());
+            }
+        }
+        progress.advance(1)?;
+    }
+    Ok(())
+}
+
+/// Writes frames until there are no more, or one cannot be written.
+fn save(frames: &Mutex<Receiver<Taken>>, folder: &Path, layout: &dyn Layout, files: &Mutex<Result<Duration>>) {
+    loop {
+        let next = frames.lock().unwrap_or_else(PoisonError::into_inner).recv();
+        let Ok(taken) = next else { return };
+        let begun = Instant::now();
+        let saved = taken.save(folder, layout);
+        let mut files = files.lock().unwrap_or_else(PoisonError::into_inner);
+        match (&mut *files, saved) {
+            (Ok(time), Ok(())) => *time += begun.elapsed(),
+            // The first failure is told. The others are taken and dropped, so that nobody waits.
+            (Ok(_), Err(e)) => *files = Err(e),
+            (Err(_), _) => {}
+        }
+    }
+}
+
+/// Returns points of the wall that several frames see, as many as the layout wants.
+fn points(source: &Source<'_>, layout: &dyn Layout, progress: &Progress) -> Result<Vec<Point>> {
+    let wanted = layout.points();
+    if wanted == 0 {
+        return Ok(Vec::new());
+    }
+    let each = |n: usize| -> Result<Vec<Point>> {
+        progress.check()?;
+        let (view, _) = (source.views)(n)?;
+        let (width, height) = (view.width(), view.height());
+        let step = ((width * height) as f64 / wanted as f64).sqrt().max(1.0);
+        let mut found = Vec::new();
+        for row in 0..(height as f64 / step) as usize {
+            for column in 0..(width as f64 / step) as usize {
+                let (x, y) = (((column as f64 + 0.5) * step) as usize, ((row as f64 + 0.5) * step) as usize);
+                let Some(ray) = view.ray(x, y) else { continue };
+                let met = crate::space::first_crossing(source.volume, ray.origin, ray.direction, f64::INFINITY);
+                let Some(mm) = met.filter(|mm| *mm > 0.0) else { continue };
+                let place = ray.origin + ray.direction * mm;
+                let mut seen = vec![(n, [x as f64 + 0.5, y as f64 + 0.5])];
+                for other in (n.saturating_sub(REACH)..(n + REACH + 1).min(source.count)).filter(|o| *o != n) {
+                    let (view, _) = (source.views)(other)?;
+                    seen.extend(sees(source.volume, &view, place).map(|at| (other, at)));
+                }
+                seen.sort_by_key(|s| s.0);
+                if seen.len() > 1 {
+                    found.push(Point { place, colour: [200, 110, 90], seen });
+                }
+            }
+        }
+        Ok(found)
+    };
+    let all: Vec<Vec<Point>> = (0..source.count).into_par_iter().map(each).collect::<Result<_>>()?;
+    Ok(all.into_iter().flatten().collect())
+}
+
+/// A point is looked for in so many frames before and after.
+const REACH: usize = 3;
+
+/// Returns where a view sees a point of the wall, pixels from the top left corner; `None` if it does not.
+fn sees(volume: &PreparedVolume, view: &View, place: DVec3) -> Option<[f64; 2]> {
+    let at @ [u, v] = view.project(place)?;
+    let inside = (0.0..view.width() as f64).contains(&u) && (0.0..view.height() as f64).contains(&v);
+    let way = place - view.position();
+    let met = crate::space::first_crossing(volume, view.position(), way, f64::INFINITY);
+    (inside && view.ray_at(u, v).is_some() && met.is_none_or(|mm| mm >= way.length() - 0.01)).then_some(at)
+}
+
+impl std::ops::AddAssign for Times {
+    fn add_assign(&mut self, o: Self) {
+        self.crossings += o.crossings;
+        self.flow += o.flow;
+        self.anatomy += o.anatomy;
+    }
+}
+
+/// Returns the path of a file of a dataset.
+pub(crate) fn path(folder: &Path, name: &str) -> PathBuf {
+    name.split('/').fold(folder.to_owned(), |path, part| path.join(part))
+}
