@@ -5,4 +5,4 @@ pub mod dataset;
 
 pub(crate) use colvis_imaging::{render, space};
 pub(crate) use colvis_kernels::fields;
-pub(crate) use colvis_scan::{error, math, output, progress};
+pub(crate) use colvis_scan::{error, math, output, progress, volume};

@@ -13,6 +13,7 @@ mod circles;
 mod cleanse;
 mod command_line;
 mod commands;
+mod dataset;
 mod doors;
 mod examples;
 mod extremes;

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::app::Scan;
-use crate::dataset::truth::Labeller;
+use crate::dataset::truth::{Labeller, Lattice};
 use crate::fields::Along;
 use crate::phantom::{Phantom, WallKind};
 use crate::space::PreparedVolume;
@@ -20,6 +20,7 @@ const NAMES: [&str; 8] =
 pub(super) struct Labels {
     phantom: Option<Phantom>,
     volume: PreparedVolume,
+    known: Lattice,
     polyps: usize,
     /// Where each part begins along the line, mm, and its name.
     parts: Vec<(f64, String)>,
@@ -34,7 +35,13 @@ impl Labels {
             from = p.to_mm;
             (begins, p.name.to_string())
         });
-        Self { polyps, volume: scan.volume().clone(), parts: parts.collect(), phantom }
+        Self {
+            polyps,
+            known: Lattice::new(scan.volume().voxels().grid()),
+            volume: scan.volume().clone(),
+            parts: parts.collect(),
+            phantom,
+        }
     }
 
     /// Returns the labels' names, by their numbers.
@@ -52,18 +59,25 @@ impl Labels {
 impl Labeller for Labels {
     fn label(&self, place: DVec3, normal: DVec3, along: Option<f64>) -> [u8; 2] {
         let part = along.map_or(0, |mm| self.parts.partition_point(|p| p.0 <= mm).min(255) as u8);
-        let kind = self.phantom.as_ref().map(|p| p.wall_kind(place));
-        let label = match kind {
-            Some(Some(WallKind::Fold)) => 2,
-            Some(Some(WallKind::Fluid)) => 3,
-            Some(Some(WallKind::Stool)) => 4,
-            Some(Some(WallKind::Bridge)) => 5,
-            Some(Some(WallKind::Decoy)) => 6,
-            Some(Some(WallKind::Polyp(n))) => (NAMES.len() + n).min(255) as u8,
-            Some(_) => 1,
-            None if crate::space::value(&self.volume, place - normal * BEHIND_MM) >= TAG_HU => 7,
+        let tag = || crate::space::value(&self.volume, place - normal * BEHIND_MM) >= TAG_HU;
+        let label = match &self.phantom {
+            Some(phantom) => self.known.label(place, |place| number(phantom.wall_kind(place)).into()) as u8,
+            None if tag() => 7,
             None => 1,
         };
         [label, part]
+    }
+}
+
+/// Returns the number of what a phantom's wall belongs to.
+fn number(kind: Option<WallKind>) -> u8 {
+    match kind {
+        Some(WallKind::Fold) => 2,
+        Some(WallKind::Fluid) => 3,
+        Some(WallKind::Stool) => 4,
+        Some(WallKind::Bridge) => 5,
+        Some(WallKind::Decoy) => 6,
+        Some(WallKind::Polyp(n)) => (NAMES.len() + n).min(254) as u8,
+        _ => 1,
     }
 }

@@ -77,7 +77,7 @@ fn one(
         count,
         fps: takes.fps,
         camera: takes.camera.clone(),
-        rings: along.as_ref().and_then(Rings::new),
+        rings: along.as_ref().and_then(|a| Rings::new(a, scan.volume().voxels().grid())),
         labeller: Some(&labels),
         names: [labels.names(), labels.parts()],
         kinds: kinds.to_vec(),

@@ -17,6 +17,7 @@ use crate::dynamics::STEP_HZ;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::render::{Camera, CameraModel, View};
+use crate::space;
 
 /// A flight ends after this time, s, as `fly --headless` does.
 const MOST_S: f64 = 600.0;
@@ -99,8 +100,14 @@ impl Takes {
             (None, name) => Intrinsics::of_perspective(&view).unwrap_or(Intrinsics::Other { name: name.into() }),
         };
         // Every pose is one before any work is done.
+        let (volume, iso) = (scan.volume(), scan.volume().transfer().iso());
         for n in 0..probe.poses.len() {
-            probe.view(n)?;
+            let (view, _) = probe.view(n)?;
+            if f64::from(space::value(volume, view.position())) >= iso {
+                let at = view.position();
+                let why = format!("pose {n} at {:.1}, {:.1}, {:.1} is in the wall", at.x, at.y, at.z);
+                return Err(Error::file(place, why, "give poses in gas"));
+            }
         }
         Ok(Self { camera, ..probe })
     }

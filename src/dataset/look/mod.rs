@@ -62,11 +62,11 @@ impl Look {
                 let to = *light - c.place;
                 let square = to.length_squared().max(1e-6);
                 let to = to / square.sqrt();
-                let cosine = to.dot(c.normal).max(0.0);
+                let cosine = to.dot(c.smooth).max(0.0);
                 let aside = (-to).dot(view.forward()).max(0.0).powf(self.cone);
                 let fall = (strength * aside / square) as f32;
                 let half = (to + back).normalize_or_zero();
-                let gloss = if cosine > 0.0 { self.gloss * half.dot(c.normal).max(0.0).powi(60) as f32 } else { 0.0 };
+                let gloss = if cosine > 0.0 { self.gloss * half.dot(c.smooth).max(0.0).powi(60) as f32 } else { 0.0 };
                 colour += (Vec3::from_array(self.mucosa) * cosine as f32 + Vec3::splat(gloss)) * fall;
             }
             colour.to_array()

@@ -1,30 +1,43 @@
 //! The place of a point in the colon: distance along its line, distance from it, and angle about it.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
+use super::lattice::Lattice;
 use crate::fields::Along;
 use crate::fields::centerline::Centerline;
 use crate::fields::frames::{Frame, evenly, frames};
+use crate::volume::Grid;
 
 /// The nearest point of the line is looked for within this of the one that the colon's map names, mm along.
 const WINDOW_MM: f64 = 12.0;
+/// Steps in which that is remembered, mm.
+const NEAR_STEP_MM: f64 = 0.5;
 
 /// The line of a colon with frames that do not turn about it.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Rings {
-    along: std::sync::Arc<Along>,
+    along: Arc<Along>,
+    /// Where places are along the line, in steps of [`NEAR_STEP_MM`] from 1; 0 for nowhere.
+    known: Lattice,
     frames: Vec<Frame>,
     /// Distance of each frame along the line as scanned, mm.
     mm: Vec<f64>,
 }
 
 impl Rings {
-    /// Creates them for the only line of a colon; `None` if there is none.
-    pub fn new(along: &std::sync::Arc<Along>) -> Option<Self> {
+    /// Creates them for the only line of a colon in a scan's grid; `None` if there is none.
+    pub fn new(along: &Arc<Along>, grid: &Grid) -> Option<Self> {
         let line: &Centerline = along.only_line()?;
         let (even, mm) = evenly(&line.points);
         let frames = frames(&even);
-        (frames.len() > 1 && frames.len() == mm.len()).then(|| Self { along: std::sync::Arc::clone(along), frames, mm })
+        (frames.len() > 1 && frames.len() == mm.len()).then(|| Self {
+            along: Arc::clone(along),
+            known: Lattice::new(grid),
+            frames,
+            mm,
+        })
     }
 
     /// Returns the points of the line, world, mm, with the distance of each along it, mm.
@@ -35,7 +48,8 @@ impl Rings {
     /// Returns the distance along the line, mm, that from the line, mm, and the angle about it, radians from −π to π, of a point (world,
     /// mm); `None` if it is farther than 12 mm from the lumen. Angle 0 is towards the patient's front where the line begins.
     pub fn of(&self, place: DVec3) -> Option<[f64; 3]> {
-        let about = self.along.of(place)?.mm;
+        let steps = |place| self.along.of(place).map_or(0, |at| (at.mm / NEAR_STEP_MM).clamp(0.0, 65_000.0) as u16 + 1);
+        let about = f64::from(self.known.label(place, steps).checked_sub(1)?) * NEAR_STEP_MM;
         let first = self.mm.partition_point(|m| *m < about - WINDOW_MM);
         let last = self.mm.partition_point(|m| *m <= about + WINDOW_MM).max(first + 2).min(self.frames.len());
         let first = first.min(last - 2);

@@ -6,6 +6,7 @@ use crate::error::Result;
 use crate::progress::Progress;
 use crate::render::{self, View};
 use crate::space::PreparedVolume;
+use crate::space::ray::trilinear;
 
 /// Side of the squares of pixels that are looked at together.
 pub(super) const SIDE: usize = 8;
@@ -19,13 +20,16 @@ pub struct Crossing {
     pub place: DVec3,
     /// The wall's normal there, world, of unit length, towards the gas: against the gradient of the interpolated value.
     pub normal: DVec3,
+    /// The same of the values around it, so that it does not change abruptly from voxel to voxel as `normal` does: from the differences
+    /// over two voxels, as pictures are shaded. It never points away from the ray's origin.
+    pub smooth: DVec3,
 }
 
 impl Crossing {
-    /// Returns cos/r² of a lamp at `eye` (world, mm), 1/mm².
+    /// Returns cos/r² of a lamp at `eye` (world, mm), 1/mm², with the smooth normal.
     pub fn headlight(&self, eye: DVec3) -> f64 {
         let to = eye - self.place;
-        (to.dot(self.normal) / to.length()).max(0.0) / to.length_squared()
+        (to.dot(self.smooth) / to.length()).max(0.0) / to.length_squared()
     }
 }
 
@@ -38,7 +42,19 @@ pub(super) fn crossings(volume: &PreparedVolume, view: &View, progress: &Progres
     render::crossings(volume, view, &mut out, progress, |hit| {
         let (ray, mm) = hit?;
         let normal = render::normal_at(volume, ray, mm)?;
-        Some(Crossing { mm, place: ray.origin + ray.direction * mm, normal })
+        let place = ray.origin + ray.direction * mm;
+        let smooth = smooth(volume, place).filter(|n| n.dot(ray.direction) < 0.0).unwrap_or(normal);
+        Some(Crossing { mm, place, normal, smooth })
     })?;
     Ok(out)
+}
+
+/// Returns the unit normal towards the gas by central differences over two voxels of the interpolated value.
+fn smooth(volume: &PreparedVolume, place: DVec3) -> Option<DVec3> {
+    let grid = volume.voxels().grid();
+    let at = grid.voxel(place);
+    let value = |by: DVec3| trilinear(volume.voxels(), at + by);
+    let difference = |axis: DVec3| 0.5 * (value(axis) - value(-axis));
+    let gradient = DVec3::new(difference(DVec3::X), difference(DVec3::Y), difference(DVec3::Z));
+    (-(grid.to_voxel().matrix3.transpose() * gradient)).try_normalize()
 }

@@ -59,9 +59,12 @@ pub(super) fn measure(
                     let place = to.moved.map_or(crossing.place, |moved| moved(crossing.place));
                     let Some([u, v]) = to.view.project(place) else { continue };
                     let (own_u, own_v) = (x as f64 + 0.5, (band * SIDE + y) as f64 + 0.5);
-                    flow[n] = [(u - own_u) as f32, (v - own_v) as f32];
                     let is_inside =
                         (0.0..to.view.width() as f64).contains(&u) && (0.0..to.view.height() as f64).contains(&v);
+                    // The polynomial of a calibration means nothing beyond its picture.
+                    if is_inside || to.view.pixel().is_some() {
+                        flow[n] = [(u - own_u) as f32, (v - own_v) as f32];
+                    }
                     let way = place - to.view.position();
                     let mm = way.length();
                     if !is_inside || to.view.ray_at(u, v).is_none() {

@@ -6,6 +6,7 @@
 mod along;
 mod crossing;
 mod flow;
+mod lattice;
 
 use std::time::{Duration, Instant};
 
@@ -15,6 +16,7 @@ use rayon::prelude::*;
 pub use along::Rings;
 pub use crossing::Crossing;
 pub use flow::{HIDDEN, Neighbour, OUTSIDE};
+pub use lattice::Lattice;
 
 use crate::error::Result;
 use crate::progress::Progress;
@@ -97,7 +99,7 @@ pub struct Truth {
     /// World, of unit length, towards the gas; NaN where there is no wall.
     pub normals: Vec<[f32; 3]>,
     /// By how many pixels to the right and downwards the point is elsewhere in the frame before, and in that after; NaN where there is
-    /// no wall, or no such frame, or where its camera does not show that direction.
+    /// no wall, or no such frame, where its camera does not show that direction, and beyond its picture unless it is a pinhole.
     pub flow: [Vec<[f32; 2]>; 2],
     /// For each of both whether the point is [`HIDDEN`] or [`OUTSIDE`] there; 0 where it is seen.
     pub unseen: [Vec<u8>; 2],

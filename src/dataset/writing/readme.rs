@@ -62,12 +62,13 @@ fn of_kind(kind: Kind) -> &'static str {
         }
         Kind::Flow => {
             "- `truth/flow-before/N.npy`, `truth/flow-after/N.npy`: float32 H×W×2, by how many pixels to the right and down the pixel's point \
-             of the wall is elsewhere in frame N−1, in frame N+1; NaN where there is none.\n\
+             of the wall is elsewhere in frame N−1, in frame N+1; NaN where there is none, and beyond that picture unless the camera is a pinhole.\n\
              - `truth/unseen/N.png`: 8 bits, bits 0 and 1 for the frame after, bits 2 and 3 for that before: 1 hidden there, 2 outside that \
              picture.\n"
         }
         Kind::Shading => {
-            "- `truth/shading/N.npy`: float32 H×W, cos/r² of a lamp at the camera, 1/mm²: the light without colour.\n"
+            "- `truth/shading/N.npy`: float32 H×W, cos/r² of a lamp at the camera, 1/mm²: the light without colour. Its normal, as that of \
+             the pictures, is from differences over two voxels, so that voxels have no edges.\n"
         }
         Kind::Labels => {
             "- `truth/labels/N.png`, `truth/parts/N.png`: 8 bits, what the wall belongs to and the part of the colon (below).\n"
