@@ -59,7 +59,7 @@ pub struct Global {
     /// Interpolate missing DICOM slices instead of refusing the series
     #[arg(long, global = true)]
     pub allow_gaps: bool,
-    /// View angle over the shorter side of the image, in degrees [default: 90]
+    /// View angle over the shorter side of the image, in degrees; a panorama always shows all around [default: 90]
     #[arg(long, global = true, value_name = "D", allow_hyphen_values = true)]
     pub fov: Option<f64>,
     /// Camera model [default: perspective]
@@ -176,7 +176,7 @@ pub struct FlyArgs {
     /// Frames per simulated second in a recording [default: 30]
     #[arg(long, value_name = "F", allow_hyphen_values = true)]
     pub fps: Option<f64>,
-    /// Image size in pixels [default: 1024x1024]
+    /// Image size in pixels [default: 1024x1024; a panorama's 2048x1024]
     #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
     pub size: Option<ImageSize>,
     /// Image quality [default: high]
@@ -244,7 +244,7 @@ pub struct RenderArgs {
     /// Folder for the images
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Image size in pixels [default: 1024x1024]
+    /// Image size in pixels [default: 1024x1024; a panorama's 2048x1024]
     #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
     pub size: Option<ImageSize>,
     /// Image quality [default: high]
@@ -262,7 +262,7 @@ pub struct RenderArgs {
     /// Also write depth as NumPy files
     #[arg(long)]
     pub depth: bool,
-    /// Also write the wall's normals as NumPy files
+    /// Also write the wall's normals as NumPy files: unit vectors, world, towards the gas
     #[arg(long)]
     pub normals: bool,
     /// Colour the wall in the images

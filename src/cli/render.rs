@@ -57,8 +57,7 @@ pub(crate) fn run(program: &Program, args: &RenderArgs, global: &Global, progres
     let preset = prepare::preset(program, args.preset.as_deref(), Preset::default())?;
     let mut settings = prepare::quality(args.quality);
     settings.samples_per_pixel = args.samples.unwrap_or(1).min(4096) as u32;
-    let model = prepare::camera(program, global, CameraModel::default())?;
-    let poses = read(&args.poses, model)?;
+    let (poses, model) = read(program, global, &args.poses)?;
     let size = args.size.map_or_else(|| prepare::usual_size(model), Ok)?;
     let (camera, name) = camera(global, &poses, model, (&args.poses, size))?;
     let views: Vec<View> = poses
@@ -190,7 +189,7 @@ pub(super) fn camera(
     model: CameraModel,
     (path, size): (&Path, ImageSize),
 ) -> Result<(Arc<dyn Camera>, String)> {
-    let Some(value) = &poses.camera else {
+    let Some(value) = poses.camera.as_ref().filter(|v| !v.is_string()) else {
         let fov = match global.fov {
             Some(_) => prepare::fov(global, model)?,
             None => poses.fov_degrees.unwrap_or(90.0),
@@ -206,18 +205,25 @@ pub(super) fn camera(
     Ok((intrinsics::camera(path, value, size)?, format!("in {}", path.display())))
 }
 
-/// Reads a list of poses for a camera model.
-pub(super) fn read(path: &Path, camera: CameraModel) -> Result<Poses> {
+/// Reads the poses, and returns the model that they or the command line name.
+pub(super) fn read(program: &Program, global: &Global, path: &Path) -> Result<(Poses, CameraModel)> {
     let hint = r#"give {"fov_degrees": 90, "poses": [{"position": […], "forward": […], "up": […]}, …]}"#;
     let text = output::read_text(path, hint)?;
     let poses: Poses = serde_json::from_str(&text).map_err(|e| Error::file(path, e.to_string(), hint).caused_by(e))?;
-    if let Some(fov) = poses.fov_degrees.filter(|_| poses.camera.is_none()) {
+    let named = poses.camera.as_ref().and_then(Value::as_str).filter(|_| global.camera.is_none());
+    let camera = match named {
+        Some(name) => program.catalog.find_camera(name).map_err(|e| {
+            Error::usage(format!("camera in {}", path.display()), format!("{}: {}", e.what, e.why), e.hint)
+        })?,
+        None => prepare::camera(program, global, CameraModel::default())?,
+    };
+    if let Some(fov) = poses.fov_degrees.filter(|_| poses.camera.as_ref().is_none_or(Value::is_string)) {
         camera.camera(fov, 1.0).map_err(|e| match e.kind {
             Kind::Usage => Error::file(path, format!("fov_degrees: {}", e.why), hint),
             _ => e,
         })?;
     }
-    Ok(poses)
+    Ok((poses, camera))
 }
 
 #[cfg(test)]
@@ -254,7 +260,7 @@ mod tests {
             let depth = f32::from_le_bytes(values[4 * (2 * 9 + 4)..][..4].try_into().unwrap());
             assert!((depth - to_the_wall).abs() < 0.5, "{depth} mm in the middle");
         }
-        let stats: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&stats).unwrap()).unwrap();
+        let stats: Value = serde_json::from_str(&std::fs::read_to_string(&stats).unwrap()).unwrap();
         let frames = stats["frames"].as_array().unwrap();
         let ms: Vec<f64> = frames.iter().map(|f| f["ms"].as_f64().unwrap()).collect();
         assert!(

@@ -30,7 +30,9 @@ fn view(camera: CameraModel, fov_degrees: f64) -> View {
     let phantom = Phantom::new(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
     let at = phantom.axis().frame(phantom.axis().length() * 0.3);
     let up = at.normal;
-    View::with_model(at.at, at.tangent * 2.0 + up, at.binormal, camera, fov_degrees, WIDTH, HEIGHT).unwrap()
+    let aspect = camera.camera(fov_degrees, 1.0).unwrap().aspect();
+    let width = aspect.map_or(WIDTH, |aspect| (aspect * HEIGHT as f64) as usize);
+    View::with_model(at.at, at.tangent * 2.0 + up, at.binormal, camera, fov_degrees, width, HEIGHT).unwrap()
 }
 
 fn image(frame: &Frame) -> RgbImage {

@@ -3,6 +3,7 @@
 #[cfg(all(unix, feature = "dicom"))]
 mod archive;
 mod batch;
+mod cameras;
 mod candidates;
 mod case;
 #[cfg(feature = "dicom")]

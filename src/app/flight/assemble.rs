@@ -19,6 +19,7 @@ use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
 use crate::fields::ClearanceFinder;
 use crate::plan::{self, Plan};
+use crate::render::CameraModel;
 use crate::scene::Scene;
 use crate::schedule::{App, Main, Slot};
 use crate::systems::{self, present};
@@ -75,6 +76,10 @@ impl FlightApp {
         let gas = plan.gas.as_ref().unwrap_or(lumen);
         if !self.camera::<LiveCoverage>().is_some_and(|c| c.belongs_to(gas)) {
             let mut coverage = LiveCoverage::of(volume, gas, &self.progress)?;
+            let image = &self.setup.scene.image;
+            if image.camera != CameraModel::default() {
+                coverage.set_camera(image.camera, image.fov_degrees);
+            }
             // In another lumen, the views so far have seen another wall.
             let views = self.camera::<Trail>().map_or(&[][..], Trail::views);
             // Before the flight's first step there is no clock, and no view.

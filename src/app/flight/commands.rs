@@ -13,6 +13,7 @@ use crate::components::play::Playback;
 use crate::components::trail::Trail;
 use crate::error::{Error, Result};
 use crate::plan::{self, Plan, SegmentEnd};
+use crate::render::{CameraModel, View};
 use crate::scene::Steering;
 use glam::DVec3;
 
@@ -107,6 +108,7 @@ impl FlightApp {
                     picture.fov_degrees = held.unwrap_or(picture.fov_degrees);
                 }
             }
+            FlightCommand::Camera { model, fov_degrees } => self.change_camera(model, *fov_degrees)?,
             // A newer version of the list may have other commands.
             _ => {
                 return Err(Error::incomplete(
@@ -120,6 +122,22 @@ impl FlightApp {
     }
 
     /// Refuses commands that a replayed log cannot follow.
+    /// Looks through a camera model of this crate, or through the flight's own. Fails with status 2 if there is none of that name, or if it
+    /// has no pictures of this size.
+    fn change_camera(&mut self, name: &str, degrees: f64) -> Result<()> {
+        let own = Some(self.setup.scene.image.camera).filter(|c| c.name == name);
+        let Some(model) = own.or_else(|| CameraModel::named(name)) else {
+            let why = format!("there is no camera {name}");
+            return Err(Error::usage("camera", why, "give perspective, fisheye or panorama"));
+        };
+        let Some(mut picture) = self.camera_mut::<Picture>() else { return Ok(()) };
+        let fov_degrees = model.clamp_fov(degrees).unwrap_or(picture.fov_degrees);
+        let (width, height) = (picture.frame.width(), picture.frame.height());
+        View::with_model(DVec3::ZERO, DVec3::Y, DVec3::Z, model, fov_degrees, width, height)?;
+        (picture.camera, picture.fov_degrees) = (model, fov_degrees);
+        Ok(())
+    }
+
     fn refuse_while_playing(&self, what: &str) -> Result<()> {
         if self.setup.scene.play().is_some() {
             return Err(Error::usage(what, "the flight replays a log", "fly without --play"));

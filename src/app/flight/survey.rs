@@ -9,10 +9,10 @@ use crate::components::flight::Flown;
 use crate::components::play::Playback;
 use crate::components::review::ReviewStop;
 use crate::components::trail::Trail;
-use crate::coverage::{Coverage, LiveCoverage, LookFrom, Missed, Scans, Sight, Wall, missed, part};
-use crate::error::{Error, Result};
+use crate::coverage::{Coverage, LiveCoverage, LookFrom, Missed, Scans, Sight, Wall, missed, part, sight_camera};
+use crate::error::{Error, Kind, Result};
 use crate::fields::{Along, AlongColon, lumen};
-use crate::render::camera::Perspective;
+use crate::render::Camera;
 use crate::space::PreparedVolume;
 
 /// A review flies back over the whole way if that shows at least this share of the wall.
@@ -56,19 +56,28 @@ impl<'a> Survey<'a> {
         self.flight.camera()
     }
 
+    /// Returns the flight's camera with a view angle, degrees.
+    fn camera(self, fov_degrees: f64) -> Result<Arc<dyn Camera>> {
+        let model = self.flight.setup().scene.image.camera;
+        sight_camera(model, fov_degrees).map_err(|e| match e.kind {
+            Kind::Usage => Error::usage("--fov", e.why, "give an angle such as 90"),
+            _ => e,
+        })
+    }
+
     /// Returns the coverage of the wall of the gas flown through: see [`crate::coverage`]. With `count`, all views that see a
     /// triangle are counted, which takes longer. `None` if that gas is not known.
     ///
     /// # Errors
     /// Returns status 2 if the view angle is invalid, status 4 if interrupted.
     pub fn coverage(self, fov_degrees: f64, count: bool) -> Result<Option<Covered>> {
-        let camera = perspective(fov_degrees)?;
+        let camera = self.camera(fov_degrees)?;
         let views = self.trail().map_or(&[][..], Trail::views);
         let progress = &self.flight.progress;
         progress.call(|| {
             let Some(wall) = self.wall()? else { return Ok(None) };
             progress.stage(LOOKING, 0);
-            let sights = wall.seen(self.looked_through(), views, &camera, count, progress)?;
+            let sights = wall.seen(self.looked_through(), views, &*camera, count, progress)?;
             let coverage = wall.coverage(&sights);
             Ok((!wall.is_empty()).then_some(Covered { wall, sights, coverage }))
         })
@@ -82,11 +91,11 @@ impl<'a> Survey<'a> {
     pub fn cover_more(self, covered: &mut Covered, fov_degrees: f64, since: usize) -> Result<()> {
         let views = self.trail().map_or(&[][..], Trail::views);
         let (unseen, numbers) = covered.wall.part(|n| covered.sights[n].ahead == 0);
-        let camera = perspective(fov_degrees)?;
+        let camera = self.camera(fov_degrees)?;
         let (progress, views) = (&self.flight.progress, views.get(since..).unwrap_or(&[]));
         let more = progress.call(|| {
             progress.stage(LOOKING, 0);
-            unseen.seen(self.looked_through(), views, &camera, false, progress)
+            unseen.seen(self.looked_through(), views, &*camera, false, progress)
         })?;
         part::add(&mut covered.sights, &numbers, &more);
         drop((unseen, numbers, more));
@@ -109,7 +118,7 @@ impl<'a> Survey<'a> {
         flown: usize,
         least_mm2: f64,
     ) -> Result<Vec<ReviewStop>> {
-        let camera = perspective(fov_degrees)?;
+        let camera = self.camera(fov_degrees)?;
         let Coverage { one_way, both_ways } = covered.coverage;
         let is_back = both_ways - one_way >= BACK_GAINS;
         let is_seen = |n: usize| if is_back { covered.sights[n].either } else { covered.sights[n].ahead > 0 };
@@ -125,7 +134,7 @@ impl<'a> Survey<'a> {
         // The tour has an order of its own.
         let patches = self.missed_by(covered, is_seen, least_mm2, |_| None)?;
         let progress = &self.flight.progress;
-        let visit = || missed::to_visit(&patches, &unseen, &numbers, self.looked_through(), &camera, progress);
+        let visit = || missed::to_visit(&patches, &unseen, &numbers, self.looked_through(), &*camera, progress);
         let visited = progress.call(visit)?;
         let stop = |n: usize| Some(ReviewStop::new(patches[n].look_from?.position, Some(patches[n].position)));
         stops.extend(visited.into_iter().filter_map(stop));
@@ -240,10 +249,6 @@ impl<'a> Survey<'a> {
         let Some(trail) = self.trail() else { return (0.0, 0.0) };
         (self.flight.camera::<Playback>().map_or(trail.share(), Playback::share), trail.length_mm())
     }
-}
-
-fn perspective(fov_degrees: f64) -> Result<Perspective> {
-    Perspective::new(fov_degrees).map_err(|e| Error::usage("--fov", e.why, "give an angle such as 90"))
 }
 
 #[cfg(test)]

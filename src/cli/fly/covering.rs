@@ -63,11 +63,11 @@ pub(super) struct Stats {
 
 impl Covering {
     /// Fails with status 2 for an invalid view angle.
-    pub(super) fn asked(args: &FlyArgs, global: &Global) -> Result<Option<Self>> {
+    pub(super) fn asked(args: &FlyArgs, global: &Global, camera: CameraModel) -> Result<Option<Self>> {
         if !args.coverage && args.coverage_mesh.is_none() && !args.review {
             return Ok(None);
         }
-        let fov_degrees = prepare::fov(global, CameraModel::default())?;
+        let fov_degrees = prepare::fov(global, camera)?;
         let unsure = match &args.answers {
             Some(path) => Answers::read(path)?.answers,
             None => Vec::new(),
@@ -91,7 +91,7 @@ impl Covering {
             Some(watched) if watched.is_of(gas) => watched.afresh(),
             Some(_) => LiveCoverage::of(volume, gas, progress)?,
         };
-        live.set_fov(scene.image.fov_degrees);
+        live.set_camera(scene.image.camera, scene.image.fov_degrees);
         let survey = flight.survey().as_flown(&live);
         self.first(flight, survey, Some(&live), progress).map(|seen| seen.stats)
     }

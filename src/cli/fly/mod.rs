@@ -167,6 +167,9 @@ pub(crate) fn scene(program: &Program, args: &FlyArgs, global: &Global, screen: 
     scene.operator = windowed || args.replay.is_some() || args.record_input.is_some();
     if scene.picture {
         scene.image = image_settings(program, args, global, &scene, screen)?;
+    } else if scene.coverage {
+        // Nothing is rendered, but the coverage is that of pictures.
+        (scene.image.camera, scene.image.fov_degrees) = camera(program, global, &scene)?;
     }
     scene.check()?;
     overlays(program, args, &scene)?;
@@ -200,6 +203,17 @@ pub(crate) fn request(args: &FlyArgs) -> FlightRequest {
     FlightRequest { from: args.from.map(place), to: args.to.map(place), reverse: args.reverse }
 }
 
+/// The camera model, with its settings, and the view angle, degrees. Fails with status 2 for an invalid one.
+fn camera(program: &Program, global: &Global, scene: &Scene) -> Result<(CameraModel, f64)> {
+    let camera = prepare::camera(program, global, scene.image.camera)?;
+    let camera = CameraModel { options: scene.options.of(camera.name), ..camera };
+    let fov_degrees = match global.fov {
+        None if camera == scene.image.camera => scene.image.fov_degrees,
+        _ => prepare::fov(global, camera)?,
+    };
+    Ok((camera, fov_degrees))
+}
+
 /// Image settings. A window always adapts its detail, whatever the quality, because an operator cannot steer by late pictures.
 /// Fails with status 2 for an invalid view angle.
 fn image_settings(
@@ -210,17 +224,17 @@ fn image_settings(
     screen: Screen,
 ) -> Result<ImageSettings> {
     let quality = prepare::quality(args.quality);
-    let camera = prepare::camera(program, global, scene.image.camera)?;
-    let camera = CameraModel { options: scene.options.of(camera.name), ..camera };
+    let (camera, fov_degrees) = camera(program, global, scene)?;
     let size = args.size.map_or_else(|| prepare::usual_size(camera), Ok)?;
+    if screen == Screen::Window && camera.camera(90.0, 1.0).is_ok_and(|c| c.aspect().is_some()) {
+        let why = "its pictures have one shape, and those of a window any";
+        let hint = "add --headless and --record OUT, or use colvis render";
+        return Err(Error::usage(format!("--camera {}", camera.name), why, hint));
+    }
     let preset = scene.image.preset;
     let adaptive = screen == Screen::Window || quality.adaptive;
     let light = if screen == Screen::Window { Light::ENDOSCOPE } else { Light::HEADLIGHT };
     let quality = Settings { adaptive, light, options: scene.options.of(preset.name), ..quality };
-    let fov_degrees = match global.fov {
-        None if camera == scene.image.camera => scene.image.fov_degrees,
-        _ => prepare::fov(global, camera)?,
-    };
     Ok(ImageSettings {
         camera,
         width: size.width,
@@ -303,7 +317,7 @@ fn fly_with(
     let mut scene = scene(program, args, global, Screen::None)?;
     let overlays = overlays(program, args, &scene)?.into_iter().filter(|o| args.overlay.iter().any(|n| n == o.name));
     let overlays: Vec<Overlay> = overlays.collect();
-    let covering = Covering::asked(args, global)?;
+    let covering = Covering::asked(args, global, scene.image.camera)?;
     let commands = args.replay.as_deref().map(read_commands).transpose()?;
     if extent == Extent::Short && args.size.is_none() {
         (scene.image.width, scene.image.height) = (320 * scene.image.width / scene.image.height.max(1), 320);

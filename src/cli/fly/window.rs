@@ -24,6 +24,7 @@ use crate::host::settings;
 use crate::host::window::{self, Asked, ReportOrder, Resume};
 use crate::polyps::detectors;
 use crate::progress::Progress;
+use crate::render::CameraModel;
 use crate::volume::io;
 
 /// Flies in a window.
@@ -217,9 +218,9 @@ fn for_another(args: FlyArgs, input: Option<PathBuf>, is_first: bool) -> FlyArgs
 }
 
 /// Coverage is evaluated when a flight ends, if something receives it: a file, or the message of a review.
-fn covering(args: &FlyArgs, global: &Global) -> Result<Option<Covering>> {
+fn covering(args: &FlyArgs, global: &Global, camera: CameraModel) -> Result<Option<Covering>> {
     let is_told = args.stats.is_some() || args.coverage_mesh.is_some() || args.review;
-    Ok(Covering::asked(args, global)?.filter(|_| is_told))
+    Ok(Covering::asked(args, global, camera)?.filter(|_| is_told))
 }
 
 /// How to open a scan; sets `flown` once it was flown.
@@ -233,6 +234,7 @@ fn opening(
     flown: Rc<Cell<bool>>,
 ) -> Result<window::Opening> {
     let resume = if is_whole { Resume::Nothing } else { resume(args) };
+    let camera = scene.image.camera;
     let asked = Way::asked(args, global, scene);
     // Where the command line says nothing, the settings and the previous session decide.
     let is_open = resume == Resume::Everything && args.seconds.is_none();
@@ -271,7 +273,7 @@ fn opening(
         Departure { scan, session, args, way: asked, commands, notes, timings: kept }.depart(progress)
     });
     let (finish_args, finish_timings) = (args.clone(), Arc::clone(timings));
-    let covering = covering(args, global)?;
+    let covering = covering(args, global, camera)?;
     let finish = Box::new(move |flight: &FlightApp, frames: &[FrameStats], shown: &window::Shown| {
         flown.set(true);
         let timings = finish_timings.lock().unwrap_or_else(PoisonError::into_inner);
@@ -435,12 +437,15 @@ mod tests {
         assert!(!args.review && !args.coverage && args.from.is_none() && args.to.is_none() && args.seconds.is_none());
         assert_eq!((args.guide, args.size, args.layout), (before.guide.clone(), before.size, before.layout.clone()));
         assert_eq!((args.detector, args.overlay), (before.detector.clone(), before.overlay.clone()));
-        assert!(covering(&for_another(before, None, false), &Global::default()).unwrap().is_none());
+        assert!(
+            covering(&for_another(before, None, false), &Global::default(), CameraModel::default()).unwrap().is_none()
+        );
     }
 
     #[test]
     fn what_was_seen_is_looked_at_if_something_receives_it() {
-        let is_looked_at = |args: &FlyArgs| covering(args, &Global::default()).unwrap().is_some();
+        let is_looked_at =
+            |args: &FlyArgs| covering(args, &Global::default(), CameraModel::default()).unwrap().is_some();
         let coverage = FlyArgs { coverage: true, ..FlyArgs::default() };
         assert!(!is_looked_at(&FlyArgs::default()) && !is_looked_at(&coverage));
         for told in [

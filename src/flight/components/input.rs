@@ -69,6 +69,16 @@ pub enum FlightCommand {
     ///
     /// It affects only the picture: a flight without one ignores it.
     ViewAngle(f64),
+    /// Looks through another camera model, with a view angle over the shorter side of the picture, degrees, clamped to what the
+    /// camera can show.
+    ///
+    /// It affects only the picture: a flight without one ignores it.
+    Camera {
+        /// The model's name.
+        model: String,
+        /// View angle, degrees.
+        fov_degrees: f64,
+    },
 }
 
 impl Command {
@@ -83,7 +93,14 @@ impl Command {
             Self::Hand(HandCommand::Look(all)) if !all.iter().all(|x| x.is_finite()) => return None,
             Self::Hand(HandCommand::Roll(x) | HandCommand::Speed(x)) if !x.is_finite() => return None,
             Self::Flight(FlightCommand::Seek(share)) if !share.is_finite() => FlightCommand::Seek(0.0).into(),
-            Self::Flight(FlightCommand::ViewAngle(degrees)) if degrees.is_nan() => return None,
+            Self::Flight(FlightCommand::ViewAngle(degrees) | FlightCommand::Camera { fov_degrees: degrees, .. })
+                if degrees.is_nan() =>
+            {
+                return None;
+            }
+            Self::Flight(FlightCommand::Camera { model, fov_degrees }) => {
+                FlightCommand::Camera { model, fov_degrees: fov_degrees.clamp(-f64::MAX, f64::MAX) }.into()
+            }
             Self::Flight(FlightCommand::ViewAngle(degrees)) => {
                 FlightCommand::ViewAngle(degrees.clamp(-f64::MAX, f64::MAX)).into()
             }
@@ -98,7 +115,9 @@ impl Command {
             Self::Hand(HandCommand::Push(v) | HandCommand::Turn(v)) => v.iter_mut().for_each(&mut each),
             Self::Hand(HandCommand::Look(v)) => v.iter_mut().for_each(&mut each),
             Self::Hand(HandCommand::Roll(x) | HandCommand::Speed(x)) => each(x),
-            Self::Flight(FlightCommand::Seek(x) | FlightCommand::ViewAngle(x)) => each(x),
+            Self::Flight(
+                FlightCommand::Seek(x) | FlightCommand::ViewAngle(x) | FlightCommand::Camera { fov_degrees: x, .. },
+            ) => each(x),
             Self::Flight(FlightCommand::Go { to, forward, up }) => {
                 [to, forward, up].into_iter().flatten().for_each(&mut each);
             }
@@ -341,7 +360,7 @@ mod tests {
 
     #[test]
     fn every_command_has_its_form_in_a_file() {
-        let forms: [(Command, &str); 16] = [
+        let forms: [(Command, &str); 17] = [
             (HandCommand::Push([1.0, 0.0, -0.5]).into(), r#"{"push":[1.0,0.0,-0.5]}"#),
             (HandCommand::Turn([0.6, 0.3, 0.0]).into(), r#"{"turn":[0.6,0.3,0.0]}"#),
             (HandCommand::Look([60.0, -20.0]).into(), r#"{"look":[60.0,-20.0]}"#),
@@ -368,6 +387,10 @@ mod tests {
             ),
             (FlightCommand::EndReview.into(), r#""end_review""#),
             (FlightCommand::ViewAngle(40.0).into(), r#"{"view_angle":40.0}"#),
+            (
+                FlightCommand::Camera { model: "fisheye".into(), fov_degrees: 180.0 }.into(),
+                r#"{"camera":{"model":"fisheye","fov_degrees":180.0}}"#,
+            ),
         ];
         for ((command, form), name) in forms.into_iter().zip(NAMES) {
             assert!(form.contains(&format!("\"{name}\"")), "{form}: {name}");

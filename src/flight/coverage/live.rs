@@ -22,7 +22,8 @@ use crate::error::Result;
 use crate::fields::Lumen;
 use crate::fields::lumen::CoarseAlong;
 use crate::progress::Progress;
-use crate::render::camera::Perspective;
+use crate::render::camera::{Camera, Perspective};
+use crate::render::{CameraModel, Origins};
 use crate::space::PreparedVolume;
 use crate::volume::Volume;
 
@@ -44,6 +45,16 @@ const PASSED_MM: f32 = 60.0;
 /// Time for which missed wall stays painted after it was seen after all, s.
 const FADES_S: f32 = 3.0;
 
+/// Returns the camera by which the coverage of pictures of a model is measured: a square one. Lines of sight come from one point, so a model
+/// whose rays do not counts as perspective.
+///
+/// # Errors
+/// Returns status 2 if the model has no camera with this view angle.
+pub fn sight_camera(model: CameraModel, fov_degrees: f64) -> Result<Arc<dyn Camera>> {
+    let camera = model.camera(fov_degrees, 1.0)?;
+    Ok(if camera.origins() == Origins::One { camera } else { Arc::new(Perspective::new(fov_degrees)?) })
+}
+
 /// A wall, and the part of it that was seen so far.
 #[derive(Component, Clone, Debug)]
 pub struct LiveCoverage {
@@ -53,7 +64,8 @@ pub struct LiveCoverage {
     pub(super) flown: Arc<Lumen>,
     /// The scan whose wall this is, if it is not the one that is flown through.
     pub(super) beside: Option<PreparedVolume>,
-    camera: Perspective,
+    camera: Arc<dyn Camera>,
+    model: CameraModel,
     fov_degrees: f64,
     /// Centroid and normal of each patch's middle, mm from the wall's origin.
     middles: Vec<[Vec3; 2]>,
@@ -161,7 +173,8 @@ impl LiveCoverage {
         let (stretches, first_stretch) = stretches(&wall, &gas, &along);
         let stretch_count = first_stretch.last().map_or(0, |&n| n as usize);
         Ok(Self {
-            camera: Perspective::new(90.0)?,
+            camera: Arc::new(Perspective::new(90.0)?),
+            model: CameraModel::default(),
             fov_degrees: 90.0,
             middles,
             mm2,
@@ -193,9 +206,16 @@ impl LiveCoverage {
     /// Sets the view angle of the views from now on, degrees. An invalid angle is ignored.
     pub fn set_fov(&mut self, degrees: f64) {
         if degrees != self.fov_degrees
-            && let Ok(camera) = Perspective::new(degrees)
+            && let Ok(camera) = sight_camera(self.model, degrees)
         {
             (self.camera, self.fov_degrees) = (camera, degrees);
+        }
+    }
+
+    /// Sets the camera model and the view angle of the views from now on, degrees. A camera that cannot be made is ignored.
+    pub fn set_camera(&mut self, model: CameraModel, degrees: f64) {
+        if let Ok(camera) = sight_camera(model, degrees) {
+            (self.camera, self.model, self.fov_degrees) = (camera, model, degrees);
         }
     }
 
@@ -332,7 +352,7 @@ impl LiveCoverage {
     fn go_on(&mut self, volume: &PreparedVolume, work: &mut u32) -> bool {
         let Some(mut now) = self.now.take() else { return true };
         let wall = Arc::clone(&self.wall);
-        let line = Sightline::new(&wall, volume, &self.camera);
+        let line = Sightline::new(&wall, volume, &*self.camera);
         while now.block < wall.block_count() {
             let b = now.block;
             if now.asked == 0 {
@@ -441,8 +461,8 @@ impl LiveCoverage {
     }
 
     /// Returns the camera of the views.
-    pub fn camera(&self) -> &Perspective {
-        &self.camera
+    pub fn camera(&self) -> &dyn Camera {
+        &*self.camera
     }
 
     /// Sets whether the flight is over: then none of the wall lies ahead.

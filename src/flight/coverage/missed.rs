@@ -12,7 +12,7 @@ use crate::fields::{AlongColon, ClearanceFinder, Clearances};
 use crate::math::sets::Sets;
 use crate::math::sphere::half_directions;
 use crate::progress::Progress;
-use crate::render::camera::Perspective;
+use crate::render::Camera;
 use crate::space::PreparedVolume;
 
 /// Minimum area of a reported patch, mm²: a study of 223 patients counts patches from this area on.
@@ -139,7 +139,7 @@ pub fn to_visit(
     unseen: &Wall,
     numbers: &[u32],
     volume: &PreparedVolume,
-    camera: &Perspective,
+    camera: &dyn Camera,
     progress: &Progress,
 ) -> Result<Vec<usize>> {
     let mut is_shown = vec![false; unseen.len()];

@@ -20,7 +20,7 @@ mod stretches;
 pub mod tour;
 mod wall;
 
-pub use live::LiveCoverage;
+pub use live::{LiveCoverage, sight_camera};
 pub use missed::{LookFrom, Missed, Scans};
 pub use paint::{CoveragePaint, INK, OVER, paint_slice};
 pub use sight::{Coverage, FLATTEST_DEGREES, REACH_MM, Sight};

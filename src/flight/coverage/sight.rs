@@ -202,14 +202,16 @@ pub(super) struct Sightline<'a, C: Camera + ?Sized> {
     flattest: f32,
     /// The tangent of half the view angle of a perspective camera.
     tangent: Option<f32>,
+    /// Half the picture's width, in halves of its height: pictures are square unless the camera's are not.
+    wide: f64,
 }
 
 impl<'a, C: Camera + ?Sized> Sightline<'a, C> {
     pub(super) fn new(wall: &'a Wall, volume: &'a PreparedVolume, camera: &'a C) -> Self {
         let voxel = volume.voxels().grid().spacing().min_element();
         let flattest = FLATTEST_DEGREES.to_radians().cos() as f32;
-        let tangent = camera.tangent().map(|t| t as f32);
-        Self { wall, volume, camera, iso: volume.transfer().iso(), voxel, flattest, tangent }
+        let (tangent, wide) = (camera.tangent().map(|t| t as f32), camera.aspect().unwrap_or(1.0));
+        Self { wide, wall, volume, camera, iso: volume.transfer().iso(), voxel, flattest, tangent }
     }
 
     /// Returns the square of the distance of a view to the box of a block, mm².
@@ -246,7 +248,7 @@ impl<'a, C: Camera + ?Sized> Sightline<'a, C> {
         let [right, up, forward] = [right, up, forward].map(f64::from);
         // Looking back, right becomes left.
         let place = if ahead { DVec3::new(right, up, forward) } else { DVec3::new(-right, up, -forward) };
-        self.camera.project(place).is_some_and(|at| at.abs().max_element() <= 1.0)
+        self.camera.project(place).is_some_and(|at| at.x.abs() <= self.wide && at.y.abs() <= 1.0)
     }
 
     /// True if the line to a triangle with this centroid (mm from the wall's origin) crosses no wall. `blocked` is how far from the view the line to the last hidden place was in

@@ -63,6 +63,7 @@ pub(crate) const MENUS: &[(&str, &[&str])] = &[
             "narrower",
             "wider",
             "usual-angle",
+            "wide-view",
             "unseen",
             "missed-next",
             "review",

@@ -95,6 +95,7 @@ fn table() -> Vec<Action> {
             .repeating(),
         shared(ANGLE_ROW, "wider", "wider view angle", "] Ctrl+-", I::Zoom(-1.0)).with_shift("} Ctrl+_").repeating(),
         action("usual-angle", "reset the view angle", "0 Ctrl+0", I::UsualAngle),
+        action("wide-view", "fisheye of 180°, and back", "F10", I::WideView),
         shared(SPEED_ROW, "faster", "faster", "+", I::Speed(1.0)).with_shift("=").or_by("wheel").repeating(),
         shared(SPEED_ROW, "slower", "slower", "-", I::Speed(-1.0)).with_shift("_").repeating(),
         action("reverse", "turn round and fly back", "R B Backspace", I::Reverse),

@@ -67,7 +67,8 @@ use crate::host::frames::FrameStats;
 use crate::host::headless;
 use crate::output;
 use crate::polyps::{Detector, detectors};
-use crate::render::{Frame, ImageSize};
+use crate::render::camera::fisheye;
+use crate::render::{CameraModel, Frame, ImageSize};
 use crate::systems::present;
 use crate::volume::io::thick_slices;
 use looking::Looking;
@@ -86,6 +87,10 @@ const FAULT_MESSAGE: Duration = Duration::from_secs(12);
 const FASTER: f64 = 1.15;
 /// The same factor for the view angle.
 const NARROWER: f64 = 1.0 / 1.1;
+/// View angles of the fisheye in the window, degrees, the one that it begins with, and that of a perspective camera in its place.
+const WIDE: [f64; 2] = [120.0, 220.0];
+const USUAL_WIDE: f64 = 180.0;
+const USUAL_FLAT: f64 = 90.0;
 
 /// Controls a flight for the operator.
 pub(crate) struct FlightController {
@@ -391,7 +396,7 @@ impl FlightController {
         let command = command.into();
         // Whoever sends the flight elsewhere ends the round of reviews, too.
         if let Command::Flight(sent) = &command
-            && !matches!(sent, FlightCommand::ViewAngle(_))
+            && !matches!(sent, FlightCommand::ViewAngle(_) | FlightCommand::Camera { .. })
         {
             self.seen.goes_on = false;
         }
@@ -440,9 +445,10 @@ impl FlightController {
     }
 
     fn change_angle(&mut self, degrees: f64, now: Instant) {
+        let degrees = if self.is_wide() { degrees.clamp(WIDE[0], WIDE[1]) } else { degrees };
         self.act(FlightCommand::ViewAngle(degrees), now);
         let Some(degrees) = self.flight.camera::<Picture>().map(|p| p.fov_degrees) else { return };
-        let usual = self.flight.setup().scene.image.fov_degrees;
+        let usual = self.usual_degrees();
         let back = if degrees == usual { String::new() } else { self.actions.hint("usual-angle", "sets it back") };
         self.say(format!("view angle {}{back}", angle(degrees)), now);
         self.figures.touch();
@@ -485,7 +491,35 @@ impl FlightController {
 
     /// Resets the view angle to its initial value.
     fn usual_angle(&mut self, now: Instant) {
-        self.change_angle(self.flight.setup().scene.image.fov_degrees, now);
+        self.change_angle(self.usual_degrees(), now);
+    }
+
+    /// Returns the view angle that the present camera starts with, degrees.
+    fn usual_degrees(&self) -> f64 {
+        if self.is_wide() { USUAL_WIDE } else { self.flight.setup().scene.image.fov_degrees }
+    }
+
+    /// True if the fisheye was chosen in the window: the flight itself has another camera.
+    fn is_wide(&self) -> bool {
+        let own = self.flight.setup().scene.image.camera;
+        own != fisheye::MODEL && self.flight.camera::<Picture>().is_some_and(|p| p.camera == fisheye::MODEL)
+    }
+
+    /// Looks through a fisheye, or through the flight's own camera again; a flight that has a fisheye gets a perspective camera.
+    fn switch_wide_view(&mut self, now: Instant) {
+        let image = &self.flight.setup().scene.image;
+        let shown = self.flight.camera::<Picture>().map(|p| p.camera);
+        let (model, fov_degrees) = match shown == Some(fisheye::MODEL) {
+            true if image.camera != fisheye::MODEL => (image.camera, image.fov_degrees),
+            true => (CameraModel::default(), USUAL_FLAT),
+            false if image.camera == fisheye::MODEL => (image.camera, image.fov_degrees),
+            false => (fisheye::MODEL, USUAL_WIDE),
+        };
+        let command = FlightCommand::Camera { model: model.name.to_owned(), fov_degrees };
+        if self.act(command, now) {
+            self.say(format!("{} camera, {}", model.name, angle(fov_degrees)), now);
+        }
+        self.figures.touch();
     }
 
     /// Turns round and flies back.

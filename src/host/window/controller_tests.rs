@@ -345,6 +345,40 @@ fn another_view_angle_is_another_picture() {
 }
 
 #[test]
+fn a_key_shows_the_flight_through_a_fisheye_and_back() {
+    let (mut c, mut now) = (controller("manual"), Instant::now());
+    let camera = |c: &FlightController| {
+        let picture = c.flight().camera::<Picture>().unwrap();
+        (picture.camera.name, picture.fov_degrees)
+    };
+    fly(&mut c, &mut now, 2);
+    perform(&mut c, "wide-view", now);
+    assert_eq!(camera(&c), ("fisheye", 180.0));
+    assert!(c.hud(now).message.is_some_and(|m| m.contains("fisheye camera, 180°")));
+    assert!(fly(&mut c, &mut now, 2) > 0, "it is traced again");
+    let behind = |c: &FlightController| {
+        let view = c.flight().camera::<Picture>().unwrap().view.clone().unwrap();
+        view.project(view.position() + view.right() - view.forward() * 0.1).is_some()
+    };
+    assert!(behind(&c), "overlays find what is beside the camera");
+    // The limits, and back to the angle that it began with.
+    for (notches, angle) in [(1e3, 120.0), (-1e3, 220.0)] {
+        c.zoom(notches);
+        fly(&mut c, &mut now, 1);
+        assert_eq!(camera(&c), ("fisheye", angle));
+    }
+    perform(&mut c, "usual-angle", now);
+    assert_eq!(camera(&c), ("fisheye", 180.0));
+    perform(&mut c, "wide-view", now);
+    assert_eq!(camera(&c), ("perspective", 90.0));
+    fly(&mut c, &mut now, 2);
+    assert!(!behind(&c));
+    // A panorama does not fit into a window.
+    c.act(FlightCommand::Camera { model: "panorama".to_owned(), fov_degrees: 90.0 }, now);
+    assert_eq!(camera(&c), ("perspective", 90.0));
+}
+
+#[test]
 fn keys_and_mouse_roll_the_view() {
     let (mut c, mut now) = (controller("manual"), Instant::now());
     let before = c.flight().pose().attitude;

@@ -43,6 +43,8 @@ pub(crate) enum Intent {
     Zoom(f64),
     /// Reset the view angle.
     UsualAngle,
+    /// Look through a fisheye, or through the flight's usual camera again.
+    WideView,
     /// Fly faster by a number of wheel notches.
     Speed(f64),
     /// Jump to a share of the path.

@@ -7,7 +7,7 @@ use serde_json::json;
 use crate::components::camera::Pose;
 use crate::error::{Error, Result};
 use crate::output::{self, AtomicFile};
-use crate::render::Frame;
+use crate::render::{CameraModel, Frame};
 
 /// Maximum number of screenshot names in one folder.
 const NAMES: u32 = 10_000;
@@ -83,13 +83,19 @@ fn named_pictures(text: &str, home: &Path) -> Option<PathBuf> {
 }
 
 /// Formats a pose on one line, as input for `render --poses`.
-pub(crate) fn pose_json(pose: &Pose, fov_degrees: f64) -> String {
+///
+/// A camera other than the perspective one is named.
+pub(crate) fn pose_json(pose: &Pose, camera: CameraModel, fov_degrees: f64) -> String {
     let one = json!({
         "position": pose.position.to_array(),
         "forward": pose.attitude.forward.to_array(),
         "up": pose.attitude.up.to_array(),
     });
-    json!({ "fov_degrees": fov_degrees, "poses": [one] }).to_string()
+    let mut all = json!({ "fov_degrees": fov_degrees, "poses": [one] });
+    if camera != CameraModel::default() {
+        all["camera"] = json!(camera.name);
+    }
+    all.to_string()
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::progress::Progress;
 use crate::report::{median, quantile};
 
-use super::runs::{FOVS, SECONDS};
+use super::runs::{FOV, SECONDS};
 
 /// Cost and result of live coverage.
 pub(super) struct Live {
@@ -42,7 +42,7 @@ pub(super) fn live(scan: &mut Scan, guide: &'static str, progress: &Progress) ->
     }
     let flight = &flights[1];
     let live = flight.camera::<LiveCoverage>();
-    let after = flight.survey().coverage(FOVS[0], false)?.map_or(0.0, |c| c.coverage.one_way);
+    let after = flight.survey().coverage(FOV, false)?.map_or(0.0, |c| c.coverage.one_way);
     Ok(Live {
         guide,
         shares: [live.map_or(0.0, LiveCoverage::share), after],

@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use super::Measured;
-use super::runs::{PATH, Run};
+use super::runs::{FISHEYE_FOV, PATH, Run};
 use crate::components::flight::State;
 use crate::error::Result;
+use crate::render::camera::{CameraModel, fisheye};
 use crate::report::dots::Dots;
 use crate::report::page::Page;
 use crate::report::table::{Table, table};
@@ -38,6 +39,7 @@ pub(super) fn write(all: &[Measured], folder: &Path) -> Result<Vec<String>> {
          the planned flight at 90°, the review is also flown.",
     );
     let mut findings: Vec<String> = all.iter().filter_map(shares).collect();
+    findings.extend(all.iter().filter_map(one_pass));
     findings.extend(all.iter().map(|m| {
         let t = &m.toured;
         format!(
@@ -120,13 +122,31 @@ fn shares(m: &Measured) -> Option<String> {
     ))
 }
 
+/// Returns a sentence that compares one pass with a fisheye to two with a perspective camera.
+fn one_pass(m: &Measured) -> Option<String> {
+    let wide = m.runs.iter().find(|r| r.guide == PATH && r.camera == fisheye::MODEL)?;
+    let flat = planned(m)?;
+    let [once, one, two, both] =
+        [wide.coverage.one_way, flat.coverage.one_way, flat.there_and_back, flat.coverage.both_ways].map(|s| 100.0 * s);
+    Some(format!(
+        "{}: one pass with a fisheye of {FISHEYE_FOV:.0}° sees {once:.1} % of the wall; pictures of 90° see {one:.1} % in one pass, {two:.1} % \
+         there and back, and {both:.1} % from the same places looking both ways.",
+        m.title
+    ))
+}
+
+/// Names a camera that is not the usual one.
+fn kind(r: &Run) -> String {
+    if r.camera == CameraModel::default() { String::new() } else { format!("{} ", r.camera.name) }
+}
+
 fn dots(all: &[Measured]) -> Dots {
     let line = |m: &Measured, r: &Run| {
         let seen_at_all = (r.guide == PATH).then_some(m.visible.share);
         let [ahead, both] = [&r.reviewed[0], &r.reviewed[1]].map(|r| Some(r.share));
         let [one, two, flown] = [r.coverage.one_way, r.coverage.both_ways, r.there_and_back].map(Some);
         let shares = vec![one, two, flown, ahead, both, seen_at_all];
-        (format!("{}, {}, {:.0}°", m.title, r.guide, r.fov_degrees), shares)
+        (format!("{}, {}, {}{:.0}°", m.title, r.guide, kind(r), r.fov_degrees), shares)
     };
     Dots {
         title: "The share of the wall that is seen".to_owned(),
@@ -141,6 +161,7 @@ fn flights(all: &[Measured]) -> Table {
     table!(for (m, r) in all.iter().flat_map(|m| m.runs.iter().map(move |r| (m, r)));
         "volume" => &m.title,
         "guide" => r.guide,
+        "camera" => r.camera.name,
         "view angle / degrees" => (r.fov_degrees, 0),
         "arrives" => r.state == State::Arrived,
         "length / mm" => (r.length_mm, 0),

@@ -10,15 +10,20 @@ use crate::coverage::{Coverage, Missed, Sight, Wall};
 use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
-use crate::render::camera::Perspective;
+use crate::render::camera::{Camera, CameraModel, fisheye, perspective};
 use crate::report::timed;
 
 /// Maximum duration of a flight, simulated seconds.
 pub(super) const SECONDS: f64 = 600.0;
 /// Maximum duration of a tour, simulated seconds.
 const TOUR_SECONDS: f64 = 3600.0;
-/// View angles, degrees.
-pub(super) const FOVS: [f64; 2] = [90.0, 120.0];
+/// Cameras with their view angles, degrees. The first is the one that everything else is measured with.
+const VIEWS: [(CameraModel, f64); 3] =
+    [(perspective::MODEL, FOV), (perspective::MODEL, 120.0), (fisheye::MODEL, FISHEYE_FOV)];
+/// The view angle of the first camera, degrees.
+pub(super) const FOV: f64 = 90.0;
+/// The view angle of the fisheye, degrees.
+pub(super) const FISHEYE_FOV: f64 = 180.0;
 /// Number of rounds of looks at missed patches.
 const ROUNDS: usize = 2;
 
@@ -27,9 +32,10 @@ pub(super) const GUIDES: [&str; 3] = ["tentacles", "path", "potential"];
 /// The guide whose flight is also flown back, and whose unseen wall is analysed.
 pub(super) const PATH: &str = "path";
 
-/// What a flight sees of the wall at one view angle.
+/// What a flight sees of the wall with one camera.
 pub(super) struct Run {
     pub guide: &'static str,
+    pub camera: CameraModel,
     pub fov_degrees: f64,
     pub state: State,
     pub length_mm: f64,
@@ -54,7 +60,7 @@ pub(super) struct Review {
     pub seen: Vec<bool>,
 }
 
-/// A flight at its end, with its wall and what is seen of it at each view angle.
+/// A flight at its end, with its wall and what is seen of it with each camera.
 pub(super) struct Flight {
     pub app: FlightApp,
     /// The views of a flight back.
@@ -73,7 +79,7 @@ impl Flight {
     }
 
     /// Returns what is seen from some views.
-    fn seen(&self, views: &[(DVec3, Attitude)], camera: &Perspective, progress: &Progress) -> Result<Vec<Sight>> {
+    fn seen(&self, views: &[(DVec3, Attitude)], camera: &dyn Camera, progress: &Progress) -> Result<Vec<Sight>> {
         self.wall.seen(&self.app.setup().volume, views, camera, false, progress)
     }
 }
@@ -99,7 +105,7 @@ pub(super) fn toured(flight: Flight, progress: &Progress) -> Result<Toured> {
     let Flight { mut app, wall, sights, .. } = flight;
     let sights = sights.into_iter().next().unwrap_or_default();
     let coverage = wall.coverage(&sights);
-    let mut rounds = ReviewRounds::new(&app, Covered { wall, sights, coverage }, FOVS[0]);
+    let mut rounds = ReviewRounds::new(&app, Covered { wall, sights, coverage }, FOV);
     loop {
         match rounds.set_out(&mut app) {
             Ok(true) => {}
@@ -145,30 +151,31 @@ pub(super) fn fly(scan: &mut Scan, guide: &'static str, reverse: bool, progress:
 pub(super) fn measured(scan: &mut Scan, guide: &'static str, progress: &Progress) -> Result<Flight> {
     let back = fly(scan, guide, true, progress)?.survey().trail().map_or_else(Vec::new, |t| t.views().to_vec());
     let app = fly(scan, guide, false, progress)?;
-    let (covered, seconds, megabytes) = timed(|| app.survey().coverage(FOVS[0], false));
+    let (covered, seconds, megabytes) = timed(|| app.survey().coverage(FOV, false));
     let Some(covered) = covered? else {
         return Err(Error::incomplete("report coverage", "no gas was flown through", "give a scan with a colon"));
     };
     let mut flight = Flight { app, back, wall: covered.wall, sights: vec![covered.sights], seconds, megabytes };
-    for fov in &FOVS[1..] {
-        let sights = flight.seen(flight.views(), &Perspective::new(*fov)?, progress)?;
+    for (model, fov) in &VIEWS[1..] {
+        let sights = flight.seen(flight.views(), &*model.camera(*fov, 1.0)?, progress)?;
         flight.sights.push(sights);
     }
     Ok(flight)
 }
 
-/// Returns a row for each view angle.
+/// Returns a row for each camera.
 pub(super) fn runs(flight: &Flight, guide: &'static str, progress: &Progress) -> Result<Vec<Run>> {
     let (wall, f) = (&flight.wall, flight.app.flight());
     let mut runs = Vec::new();
-    for (&fov_degrees, sights) in FOVS.iter().zip(&flight.sights) {
-        let camera = Perspective::new(fov_degrees)?;
-        let back = flight.seen(&flight.back, &camera, progress)?;
+    for (&(model, fov_degrees), sights) in VIEWS.iter().zip(&flight.sights) {
+        let camera = model.camera(fov_degrees, 1.0)?;
+        let back = flight.seen(&flight.back, &*camera, progress)?;
         let ahead: Vec<bool> = sights.iter().map(|s| s.ahead > 0).collect();
         let both: Vec<bool> = ahead.iter().zip(back).map(|(a, b)| *a || b.ahead > 0).collect();
         let missed = missed(flight, &ahead, progress)?;
         runs.push(Run {
             guide,
+            camera: model,
             fov_degrees,
             state: f.state,
             length_mm: f.length_mm,
@@ -176,7 +183,7 @@ pub(super) fn runs(flight: &Flight, guide: &'static str, progress: &Progress) ->
             coverage: wall.coverage(sights),
             there_and_back: share(wall, |n| both[n]),
             missed: (missed.len(), missed.iter().map(|m| m.area_mm2).sum()),
-            reviewed: [review(flight, ahead, &camera, progress)?, review(flight, both, &camera, progress)?],
+            reviewed: [review(flight, ahead, &*camera, progress)?, review(flight, both, &*camera, progress)?],
         });
     }
     Ok(runs)
@@ -197,7 +204,7 @@ fn missed(flight: &Flight, seen: &[bool], progress: &Progress) -> Result<Vec<Mis
 /// Looks at each patch that was missed from the place that is proposed for it, and again at what is missed after that.
 ///
 /// A reader is taken to these places one by one; here the views on the way there are not counted.
-fn review(flight: &Flight, mut seen: Vec<bool>, camera: &Perspective, progress: &Progress) -> Result<Review> {
+fn review(flight: &Flight, mut seen: Vec<bool>, camera: &dyn Camera, progress: &Progress) -> Result<Review> {
     let (wall, mut views) = (&flight.wall, Vec::new());
     for _ in 0..ROUNDS {
         let looks = missed(flight, &seen, progress)?.into_iter().filter_map(|m| m.look_from);

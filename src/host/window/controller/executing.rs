@@ -57,6 +57,7 @@ impl FlightController {
             I::SwitchGuide => self.switch_guide(now),
             I::Guide(guide) => self.hand_over(guide, now),
             I::UsualAngle => self.usual_angle(now),
+            I::WideView => self.switch_wide_view(now),
             I::Seek(share) => self.seek(share, now),
             I::Click(pixel) => self.click(pixel, now),
             I::LookAt(pixel) => self.look_at(pixel, now),
@@ -163,7 +164,9 @@ impl FlightController {
     fn may(&self, intent: &Intent) -> Result<(), WhyNot> {
         use Intent as I;
         match intent {
-            I::Pause | I::Zoom(_) | I::UsualAngle | I::Speed(_) | I::Detail | I::Light | I::Picture => self.may_fly(),
+            I::Pause | I::Zoom(_) | I::UsualAngle | I::WideView | I::Speed(_) | I::Detail | I::Light | I::Picture => {
+                self.may_fly()
+            }
             I::Reverse | I::NextSegment | I::OtherEnd | I::SwitchGuide | I::Whole => self.may_fly_itself(),
             I::Tag => self.cleansing.may_switch().map_err(Into::into),
             I::Greys(..) | I::Slab | I::SlabKind | I::ResetSlices if !self.shows_slices() => {

@@ -19,6 +19,8 @@ use crate::space::first_crossing;
 
 /// A place this much before the wall that hides it is seen, mm.
 const SEEN_MM: f64 = 0.5;
+/// The view angle of a finding's view if it was made with another camera than a perspective one, degrees.
+const USUAL_DEGREES: f64 = 90.0;
 /// Where the lumen is sought before a wall, mm.
 const BEFORE_MM: [f64; 4] = [1.0, 2.0, 3.0, 5.0];
 /// Places within this of each other are the same, mm: a file keeps no more digits.
@@ -155,8 +157,13 @@ impl FlightController {
         let mm = ray.origin.distance(place);
         let is_hidden =
             first_crossing(self.flight.shown_scan(), ray.origin, ray.direction, mm).is_some_and(|d| d < mm - SEEN_MM);
-        let [position, forward, up] = [view.position(), view.forward(), view.up()];
-        (!is_hidden).then_some(View { position, forward, up, fov_degrees: picture.fov_degrees })
+        let (position, up) = (view.position(), view.up());
+        // A report has pictures of a perspective camera: one that looks at the place shows what a wider one does.
+        let (forward, fov_degrees) = match view.camera().tangent() {
+            Some(_) => (view.forward(), picture.fov_degrees),
+            None => (ray.direction, USUAL_DEGREES),
+        };
+        (!is_hidden).then_some(View { position, forward, up, fov_degrees })
     }
 
     /// Notes where a finding is along the colon, if that is known.

@@ -140,7 +140,8 @@ mod tests {
     fn what_only_a_flight_follows_is_refused_without_one() {
         let (mut c, now) = (without_colon(), Instant::now());
         let actions = Rc::clone(&c.actions);
-        let ids = "pause reverse whole next faster slower narrower wider usual-angle detail light guide picture";
+        let ids =
+            "pause reverse whole next faster slower narrower wider usual-angle wide-view detail light guide picture";
         for id in ids.split(' ') {
             let action = actions.named(id).unwrap();
             let at = ActionContext { window: ImageSize::new(0, 0), now };

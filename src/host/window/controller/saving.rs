@@ -54,7 +54,7 @@ impl FlightController {
             None => self.save_image(&frame),
         };
         if saved.is_ok() {
-            let pose = screenshot::pose_json(&request.pose, request.fov_degrees);
+            let pose = screenshot::pose_json(&request.pose, request.camera, request.fov_degrees);
             // The reader of the poses may have closed standard output, but the picture is saved.
             let _ = writeln!(std::io::stdout(), "{pose}");
         }

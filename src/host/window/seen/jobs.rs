@@ -25,13 +25,13 @@ pub(super) fn begin(flight: &FlightApp, other: Option<Entity>, background: &Back
     let (volume, gas) = (flight.setup().volume.clone(), Arc::clone(flown(flight)));
     let shown = other.and_then(|other| ShownScan::of(flight, other));
     let (views, still) = views(flight);
-    let fov_degrees = flight.setup().scene.image.fov_degrees;
+    let image = flight.setup().scene.image.clone();
     let work = move |progress: &Arc<Progress>| {
         let mut coverage = match shown {
             Some(shown) => shown.coverage(progress)?,
             None => LiveCoverage::of(&volume, &gas, progress)?,
         };
-        coverage.set_fov(fov_degrees);
+        coverage.set_camera(image.camera, image.fov_degrees);
         coverage.see(&volume, &views, &still, LONG_AGO, progress)?;
         let paint = CoveragePaint::new(&coverage);
         Ok(Done::Begun(Box::new((coverage, paint))))

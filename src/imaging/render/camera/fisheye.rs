@@ -9,7 +9,8 @@ use std::sync::Arc;
 
 use glam::{DMat2, DVec2};
 
-use super::lens::{Curve, Lens, MOST, Pixels, Plane, focal, within};
+use super::form::Plane;
+use super::lens::{Curve, Lens, MOST, Pixels, focal, within};
 use super::model::CameraModel;
 use super::polynomial::{extremes, roots, solve, value};
 use crate::error::{Error, Result};
@@ -147,7 +148,6 @@ pub fn kannala_brandt(pixels: Pixels, focal_lengths: [f64; 2], k: [f64; 4]) -> R
 
 #[cfg(test)]
 mod tests {
-    use std::f64::consts::FRAC_PI_2;
 
     use glam::DVec3;
 
@@ -257,6 +257,5 @@ mod tests {
         assert!(!same(&equidistant(180.0, 1.0).unwrap(), &equidistant(181.0, 1.0).unwrap()));
         let made = |k| kannala_brandt(Pixels { size: [64, 48], centre: [32.0, 24.0] }, [30.0; 2], [k, 0.0, 0.0, 0.0]);
         assert!(same(&made(0.1).unwrap(), &made(0.1).unwrap()) && !same(&made(0.1).unwrap(), &made(0.2).unwrap()));
-        assert!(FRAC_PI_2 < PI);
     }
 }

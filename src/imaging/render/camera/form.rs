@@ -1,6 +1,6 @@
 //! Cameras in a form of which renderers compute sixteen rays at once.
 
-use super::lens::Plane;
+use glam::{DMat2, DVec2};
 
 /// How directions follow from image points, for renderers that compute many rays at once.
 #[derive(Clone, Copy, Debug)]
@@ -9,6 +9,34 @@ pub enum Form<'a> {
     Lens(&'a Profile),
     /// As [`Panorama`](super::panorama::Panorama) shows them.
     Panorama,
+}
+
+/// Where the pixels of an image lie in a lens's plane: p = `to_plane` · (point − `centre`), with points as for
+/// [`Camera::ray`](super::Camera::ray).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane {
+    /// The image point that the axis goes through.
+    pub centre: DVec2,
+    /// Turns offsets from it into positions in the plane.
+    pub to_plane: DMat2,
+}
+
+impl Plane {
+    /// The plane of a lens in front of the image's middle, in whose plane radii are those of the image.
+    pub const IMAGE: Self = Self { centre: DVec2::ZERO, to_plane: DMat2::IDENTITY };
+
+    /// Returns how much longer offsets become at most.
+    pub(super) fn stretch(&self) -> f64 {
+        // The largest singular value of a 2×2 matrix.
+        let [a, b, c, d] = self.to_plane.to_cols_array();
+        0.5 * ((a + d).hypot(b - c) + (a - d).hypot(b + c))
+    }
+
+    /// Returns the largest radius, in the plane, of the corners of an image with this half width and height.
+    pub(super) fn corner(&self, half: DVec2) -> f64 {
+        let corners = [DVec2::new(1.0, 1.0), DVec2::new(1.0, -1.0), DVec2::new(-1.0, 1.0), DVec2::new(-1.0, -1.0)];
+        corners.map(|c| (self.to_plane * (c * half - self.centre)).length()).into_iter().fold(0.0, f64::max)
+    }
 }
 
 /// Pieces of the table.
@@ -73,7 +101,7 @@ impl Profile {
 
     /// Returns the direction through an image point by the table, in the camera's frame; `None` beyond its end.
     #[cfg(test)]
-    pub(crate) fn direction(&self, at: glam::DVec2) -> Option<glam::DVec3> {
+    pub(crate) fn direction(&self, at: DVec2) -> Option<glam::DVec3> {
         let p = self.plane.to_plane * (at - self.plane.centre);
         let [sine, cosine] = self.at(p.length() / self.reach * PIECES as f64);
         (p.length() < self.reach).then(|| (p * sine).extend(cosine))
@@ -82,8 +110,6 @@ impl Profile {
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec2;
-
     use super::*;
     use crate::render::Camera;
     use crate::render::camera::fisheye::{equidistant, kannala_brandt};

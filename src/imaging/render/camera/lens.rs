@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use glam::{DMat2, DVec2, DVec3};
 
-use super::form::{Form, Profile};
+use super::form::{Form, Plane, Profile};
 use super::model::{Camera, CameraRay, Origins};
 use crate::error::{Error, Result};
 
@@ -26,35 +26,6 @@ pub trait Curve: Debug + PartialEq + Send + Sync + 'static {
 
     /// Returns the most that the angle grows per radius anywhere from 0 to `reach`, radians. `None` if that has no bound.
     fn steepest(&self, reach: f64) -> Option<f64>;
-}
-
-/// Where the pixels of an image lie in a lens's plane: p = `to_plane` · (point − `centre`), with points as for
-/// [`Camera::ray`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Plane {
-    /// The image point that the axis goes through.
-    pub centre: DVec2,
-    /// Turns offsets from it into positions in the plane.
-    pub to_plane: DMat2,
-}
-
-impl Plane {
-    /// The plane of a lens in front of the image's middle, in whose plane radii are those of the image.
-    pub const IMAGE: Self = Self { centre: DVec2::ZERO, to_plane: DMat2::IDENTITY };
-
-    /// Returns how much longer offsets become at most.
-    fn stretch(&self) -> f64 {
-        // The largest singular value of a 2×2 matrix.
-        let [a, b, c, d] = self.to_plane.to_cols_array();
-        0.5 * ((a + d).hypot(b - c) + (a - d).hypot(b + c))
-    }
-
-    /// Returns the largest radius in the plane of an image's corners, where the shorter side spans −1 to 1 and the longer one −`aspect`
-    /// to `aspect` (across if `wide`).
-    fn corner(&self, half: DVec2) -> f64 {
-        let corners = [DVec2::new(1.0, 1.0), DVec2::new(1.0, -1.0), DVec2::new(-1.0, 1.0), DVec2::new(-1.0, -1.0)];
-        corners.map(|c| (self.to_plane * (c * half - self.centre)).length()).into_iter().fold(0.0, f64::max)
-    }
 }
 
 /// How far beyond its corners an image counts as inside, as a share of the radius there: rays of pixels that are moved by a fraction of

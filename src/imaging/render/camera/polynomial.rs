@@ -65,9 +65,9 @@ pub(super) fn solve(of: impl Fn(f64) -> (f64, f64), wanted: f64, [mut low, mut h
             return x;
         }
         if error > 0.0 {
-            high = x
+            high = x;
         } else {
-            low = x
+            low = x;
         }
         let step = x - error / slope;
         let next = if n % 3 < 2 && step > low && step < high { step } else { low.midpoint(high) };

@@ -15,7 +15,8 @@
 
 use glam::DMat2;
 
-use super::lens::{Curve, Lens, MOST, Pixels, Plane, within};
+use super::form::Plane;
+use super::lens::{Curve, Lens, MOST, Pixels, within};
 use super::polynomial::{derivative, extremes, product, roots, solve, value};
 use crate::error::{Error, Result};
 

@@ -124,9 +124,9 @@ impl DirectionSource {
             Self::Any { view, to_step, form, .. } => {
                 // Not with `and_then`: closures do not inherit the level's instructions.
                 if let Some(form) = form
-                    && let Some(found) = form.lanes(simd, x, y)
+                    && let Some([along, world]) = form.lanes(simd, x, y)
                 {
-                    return found;
+                    return Directions { along, world, shown: f32x16::splat(simd, 1.0).simd_gt(0.0) };
                 }
                 return each(simd, view, *to_step, [x.to_array(), y.to_array()]);
             }

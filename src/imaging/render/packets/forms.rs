@@ -5,7 +5,6 @@ use std::f64::consts::TAU;
 use fearless_simd::{Simd, f32x16, prelude::*};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
-use super::directions::Directions;
 use crate::render::camera::form::{PIECES, Piece, Profile};
 use crate::render::camera::panorama::RADIANS;
 use crate::render::camera::{Form, View};
@@ -80,9 +79,10 @@ impl FormLanes {
         Some(Self { step, world, kind })
     }
 
-    /// Returns the rays through the points (`x`, `y`) of the picture, pixels; `None` if one of them is beyond the table.
+    /// Returns the steps (voxels) and the world directions of the rays through the points (`x`, `y`) of the picture, pixels; `None` if one
+    /// of them is beyond the table.
     #[inline(always)]
-    pub(super) fn lanes<S: Simd>(&self, simd: S, x: f32x16<S>, y: f32x16<S>) -> Option<Directions<S>> {
+    pub(super) fn lanes<S: Simd>(&self, simd: S, x: f32x16<S>, y: f32x16<S>) -> Option<[[f32x16<S>; 3]; 2]> {
         let local = match &self.kind {
             Kind::Lens { pieces, plane, per_radius } => {
                 let [u, v] = plane.at(x, y);
@@ -102,8 +102,7 @@ impl FormLanes {
                 [level * across, up, level * ahead]
             }
         };
-        let shown = f32x16::splat(simd, 1.0).simd_gt(0.0);
-        Some(Directions { along: turn(self.step, local), world: turn(self.world, local), shown })
+        Some([turn(self.step, local), turn(self.world, local)])
     }
 }
 
@@ -137,7 +136,7 @@ fn cubic<S: Simd>(simd: S, [a, b, c, d]: &[[f32; 16]; 4], t: f32x16<S>) -> f32x1
 }
 
 /// Coefficients of sin πx/x and cos πx as polynomials of x², from their series. On −1/4 to 1/4 these terms leave less than 1e-9.
-const SINE: [f32; 5] = [3.141_592_7, -5.167_712_8, 2.550_164, -0.599_264_5, 0.082_145_89];
+const SINE: [f32; 5] = [std::f32::consts::PI, -5.167_712_8, 2.550_164, -0.599_264_5, 0.082_145_89];
 const COSINE: [f32; 6] = [1.0, -4.934_802, 4.058_712, -1.335_262_8, 0.235_330_63, -0.025_806_89];
 
 /// Returns the sine and the cosine of angles in turns.
