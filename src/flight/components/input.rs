@@ -164,7 +164,7 @@ impl From<FlightCommand> for Command {
 }
 
 /// The name of every command in a file. The first [`HAND_NAMES`] are those of [`HandCommand`].
-const NAMES: [&str; 16] = [
+const NAMES: [&str; 17] = [
     "push",
     "turn",
     "look",
@@ -181,6 +181,7 @@ const NAMES: [&str; 16] = [
     "review",
     "end_review",
     "view_angle",
+    "camera",
 ];
 const HAND_NAMES: usize = 7;
 
