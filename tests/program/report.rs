@@ -290,15 +290,15 @@ fn coverage_is_reported() {
     let said = String::from_utf8_lossy(&said.stdout).into_owned();
     let html = page(&out, 1);
     let findings: Vec<&str> = said.lines().filter(|l| !l.starts_with("see ")).collect();
-    assert!(findings.len() == 3 && findings.iter().all(|f| html.contains(*f)), "{said}");
+    assert!(findings.len() == 4 && findings.iter().all(|f| html.contains(*f)), "{said}");
     let (columns, rows) = csv(&out.join("flights.csv"));
-    assert_eq!(rows.len(), 3 * 2, "guides, view angles");
+    assert_eq!(rows.len(), 3 * 3, "guides, cameras");
     let number = |r: &[String], name: &str| {
         let column = columns.iter().position(|c| c == name).unwrap();
         r[column].parse::<f64>().unwrap()
     };
     for r in &rows {
-        assert_eq!(r[3], "yes", "{r:?}");
+        assert_eq!((columns[4].as_str(), r[4].as_str()), ("arrives", "yes"), "{r:?}");
         let [one, both, back] =
             ["one way / %", "same places, both ways / %", "flown there and back / %"].map(|c| number(r, c));
         let [ahead, reviewed] = ["one way, reviewed / %", "there and back, reviewed / %"].map(|c| number(r, c));
@@ -309,8 +309,12 @@ fn coverage_is_reported() {
             assert!(all <= 100.0 + 1e-9 && [both, back, ahead, reviewed].iter().all(|s| *s <= all + 0.2), "{r:?}");
         }
     }
-    for pair in rows.chunks(2) {
-        assert!(number(&pair[0], "one way / %") < number(&pair[1], "one way / %"), "120° sees more than 90°");
+    for of_guide in rows.chunks(3) {
+        assert_eq!([0, 1, 2].map(|n| of_guide[n][2].as_str()), ["perspective", "perspective", "fisheye"]);
+        let [narrow, wide, fisheye] = [0, 1, 2].map(|n| number(&of_guide[n], "one way / %"));
+        assert!(narrow < wide, "120° sees more than 90°");
+        let both = number(&of_guide[0], "same places, both ways / %");
+        assert!(wide < fisheye && fisheye >= both, "one pass with a fisheye sees what two with 90° do: {of_guide:?}");
     }
     // The reasons are the whole rest, and each criterion is the whole wall.
     let (_, reasons) = csv(&out.join("reasons.csv"));
