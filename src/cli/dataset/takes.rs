@@ -62,13 +62,12 @@ impl Takes {
         scan: &mut Scan,
         progress: &Arc<Progress>,
     ) -> Result<Self> {
-        let model = prepare::camera(program, global, CameraModel::default())?;
+        let (poses, model) = match &args.poses {
+            Some(path) => read(program, global, path)?,
+            None => (Poses::default(), prepare::camera(program, global, CameraModel::default())?),
+        };
         let size = args.size.map_or_else(|| prepare::usual_size(model), Ok)?;
         let fps = args.fps.unwrap_or(FPS);
-        let poses = match &args.poses {
-            Some(path) => read(path, model)?,
-            None => Poses::default(),
-        };
         let place = args.poses.as_deref().unwrap_or(std::path::Path::new(""));
         let (lens, _) = camera(global, &poses, model, (place, size))?;
         let takes = match &args.poses {
@@ -88,7 +87,7 @@ impl Takes {
         }
         let probe = Self { poses: takes, fps, camera: Intrinsics::Panorama, lens, size };
         let (view, _) = probe.view(0)?;
-        let camera = match (&poses.camera, model.name) {
+        let camera = match (poses.camera.as_ref().filter(|c| c.is_object()), model.name) {
             (Some(value), _) => {
                 serde_json::from_value(value.clone()).unwrap_or(Intrinsics::Other { name: "poses".into() })
             }
