@@ -15,10 +15,12 @@ pub use crate::cli::values::{Pair, Point, SeedRange, SeriesChoice, Shard, Triple
 pub use crate::render::ImageSize;
 
 use crate::app::findings::Scheme;
+use crate::cli::Program;
 use crate::cli::messages::{failed, print};
 use crate::cli::shared::Shared;
 use crate::cli::values::{bytes, count, number, plane, seconds, seed, seed_range, series, shard, slab, steps, threads};
-use crate::cli::{Program, unbuilt};
+use crate::dataset::layout;
+use crate::dataset::truth::Kind;
 use crate::error::{Error, program_name, set_program_name};
 use crate::fields::CenterlineMethod;
 use crate::render::slice::{Slab, SlicePlane};
@@ -658,8 +660,8 @@ pub struct DatasetArgs {
     /// Poses of the pictures instead of a flight, as JSON
     #[arg(long, value_name = "P.json")]
     pub poses: Option<PathBuf>,
-    /// Kinds of ground truth: depth, z, normals, flow, shading, labels, along [default: all]
-    #[arg(long, value_name = "KIND,...", value_delimiter = ',')]
+    /// Kinds of ground truth [default: all]
+    #[arg(long, value_name = "KIND,...", value_delimiter = ',', value_parser = Kind::ALL.map(Kind::name))]
     pub truth: Vec<String>,
     /// Steering method (`--help` lists them)
     #[arg(long, value_name = "GUIDE")]
@@ -773,40 +775,31 @@ impl Args {
             set_program_name(name);
         }
         let command = command(program).bin_name(program_name());
-        unbuilt::check_command(&args, command_place(&args, &command)).map_err(ParseError::NotBuilt)?;
         let args = command_first(args, &command);
-        let mut matches = command.try_get_matches_from(args).map_err(ParseError::Line)?;
+        let mut matches = command.try_get_matches_from(args).map_err(ParseError)?;
         let own = matches.subcommand_name().filter(|n| program.commands.iter().any(|c| c.name == *n));
         if own.is_some()
             && let Some((name, matches)) = matches.remove_subcommand()
         {
-            let global = Global::from_arg_matches(&matches).map_err(ParseError::Line)?;
+            let global = Global::from_arg_matches(&matches).map_err(ParseError)?;
             return Ok(Self { command: Some(Command::Own { name, matches }), fly: FlyArgs::default(), global });
         }
-        Self::from_arg_matches(&matches).map_err(ParseError::Line)
+        Self::from_arg_matches(&matches).map_err(ParseError)
     }
 }
 
-/// Why a command line was not run.
+/// Why a command line was not run: it is invalid, or it requests help or the version.
 #[derive(Debug)]
-pub enum ParseError {
-    /// It is invalid, or it requests help or the version.
-    Line(clap::Error),
-    /// It names a command that does not exist yet.
-    NotBuilt(Error),
-}
+pub struct ParseError(clap::Error);
 
-/// True if `name` is a command of this crate, implemented or planned.
+/// True if `name` is a command of this crate.
 pub(super) fn is_command(name: &str) -> bool {
-    name == "help" || unbuilt::is_command(name) || Args::command().get_subcommands().any(|c| c.get_name() == name)
+    name == "help" || Args::command().get_subcommands().any(|c| c.get_name() == name)
 }
 
 impl fmt::Display for ParseError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Line(e) => e.fmt(f),
-            Self::NotBuilt(e) => e.fmt(f),
-        }
+        self.0.fmt(f)
     }
 }
 
@@ -818,6 +811,7 @@ pub(super) fn command(program: &Program) -> clap::Command {
     let cameras: Vec<_> = catalog.cameras.iter().map(|c| (c.name, c.summary)).collect();
     let detectors: Vec<_> = catalog.detectors.iter().map(|d| (d.name, d.summary)).collect();
     let renders = |c| choices(c, "preset", "Renderer", &presets);
+    let layouts: Vec<_> = layout::BUILT_IN.iter().map(|l| (l.name, l.summary)).collect();
     let flies = |c| {
         let what = "Method that finds polyps in the window";
         choices(choices(renders(c), "guide", "Steering method", &guides), "detector", what, &detectors)
@@ -827,6 +821,10 @@ pub(super) fn command(program: &Program) -> clap::Command {
     choices(window(flies(all)), "camera", "Camera model", &cameras)
         .mut_subcommand("fly", |c| window(flies(c)))
         .mut_subcommand("explain", flies)
+        .mut_subcommand("dataset", |c| {
+            let c = choices(c, "guide", "Steering method", &guides);
+            choices(c, "layout", "How files are named and listed", &layouts)
+        })
         .mut_subcommand("render", renders)
         .mut_subcommand("candidates", |c| choices(c, "detector", "Method", &detectors))
 }
@@ -955,7 +953,7 @@ fn command_place(args: &[OsString], command: &clap::Command) -> usize {
 /// Prints help verbatim, and anything else as one line: `error: WHAT: WHY; HINT`.
 pub fn refuse(refused: &ParseError) -> ExitCode {
     match refused {
-        ParseError::Line(e) if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => {
+        ParseError(e) if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => {
             let printed = print(|out| write!(out, "{}", e.render()).and_then(|()| out.flush()));
             printed.map_or_else(|e| failed(&e), |()| ExitCode::SUCCESS)
         }
@@ -966,14 +964,7 @@ pub fn refuse(refused: &ParseError) -> ExitCode {
 impl ParseError {
     /// Returns what is wrong with the line, in the form of all errors.
     pub(super) fn error(&self) -> Error {
-        let e = match self {
-            Self::Line(e) => e,
-            Self::NotBuilt(error) => return error.clone(),
-        };
-        if let Some(error) = unbuilt::refusal(e) {
-            return error;
-        }
-        let text = e.render().to_string();
+        let text = self.0.render().to_string();
         let why: Vec<&str> = text
             .lines()
             .map(str::trim)
@@ -1047,8 +1038,6 @@ mod tests {
                 let expected = [&["colvis".to_owned(), command.get_name().to_owned()][..], &option, &["v".to_owned()]];
                 assert_eq!(moved, expected.concat().iter().map(OsString::from).collect::<Vec<_>>());
             }
-            let planned = Program::default().parse(line(&["dataset"]));
-            assert!(matches!(planned, Err(ParseError::NotBuilt(_))), "{option:?}");
             assert_eq!(place(&line(&["scan.nii"])), option.len() + 1, "an input is no option");
         }
         let read = Program::default().parse(["colvis", "--cleanse", "--allow-gaps", "info", "v.nii"]).unwrap();

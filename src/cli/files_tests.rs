@@ -8,7 +8,7 @@ use crate::cli::Program;
 use crate::cli::args::{self, Args};
 
 /// Options with a file that is read, as `command option`; all others are written. `*` stands for `fly` and its kin.
-const READ: [&str; 34] = [
+const READ: [&str; 39] = [
     "* input",
     "* second",
     "* answers",
@@ -29,6 +29,11 @@ const READ: [&str; 34] = [
     "match a",
     "match b",
     "unfold input",
+    "dataset input",
+    "dataset poses",
+    "dataset replay",
+    "dataset play",
+    "dataset scene",
     "measure input",
     "case input",
     "case findings",

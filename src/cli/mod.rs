@@ -32,7 +32,6 @@ mod segment;
 mod shared;
 mod slice;
 mod surface;
-mod unbuilt;
 mod unfold;
 mod values;
 

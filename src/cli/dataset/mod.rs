@@ -13,7 +13,7 @@ use crate::cli::args::{DatasetArgs, Global};
 use crate::cli::messages::say;
 use crate::cli::values::SeedRange;
 use crate::cli::{Program, prepare};
-use crate::dataset::layout::{BUILT_IN, Layout, LayoutModel};
+use crate::dataset::layout::{BUILT_IN, LayoutModel};
 use crate::dataset::look::Look;
 use crate::dataset::truth::{Kind, Rings};
 use crate::dataset::writing::{Source, Written, write};
@@ -30,7 +30,7 @@ use takes::Takes;
 /// Runs the command. Fails with status 2 for invalid options, 3 for an unusable input, 4 if there is no flight or if interrupted, 5 if a
 /// file cannot be written.
 pub(crate) fn run(program: &Program, args: &DatasetArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
-    let (kinds, layout) = (kinds(args)?, layout(&args.layout)?);
+    let (kinds, layout) = (kinds(args), layout(&args.layout)?);
     takes::check(args)?;
     let bar = Bar::show(progress);
     let jobs: Vec<(Option<u64>, std::path::PathBuf)> = match args.phantoms {
@@ -64,7 +64,7 @@ fn one(
     let global = &Global { seed: seed.or(global.seed), ..global.clone() };
     let mut scan = prepare::open(args.input.as_deref(), global, Preset::default(), progress)?;
     let takes = Takes::new(program, (args, global), &mut scan, progress)?;
-    let layout: Box<dyn Layout> = (model.make)(&takes.camera)?;
+    let layout = model.layout(&takes.camera)?;
     let phantom = args.input.is_none().then(|| Phantom::new(&PhantomSettings::embedded(global.seed.unwrap_or(1))));
     let has_place = kinds.iter().any(|k| matches!(k, Kind::Along | Kind::Labels));
     // Without a line there are no places in the colon: the pictures have the rest of the truth all the same.
@@ -117,18 +117,11 @@ fn along(scan: &mut Scan, progress: &Progress) -> Result<Option<Arc<crate::field
     lumen.along(scan.volume().voxels(), progress).map(Some)
 }
 
-fn kinds(args: &DatasetArgs) -> Result<Vec<Kind>> {
+fn kinds(args: &DatasetArgs) -> Vec<Kind> {
     if args.truth.is_empty() {
-        return Ok(Kind::ALL.to_vec());
+        return Kind::ALL.to_vec();
     }
-    let named = |name: &String| {
-        let all = Kind::ALL.map(Kind::name).join(", ");
-        Kind::named(name).ok_or_else(|| {
-            Error::usage("--truth", format!("{name:?} is no kind of ground truth"), format!("give some of {all}"))
-        })
-    };
-    let asked: Vec<Kind> = args.truth.iter().map(named).collect::<Result<_>>()?;
-    Ok(Kind::ALL.into_iter().filter(|k| asked.contains(k)).collect())
+    Kind::ALL.into_iter().filter(|k| args.truth.iter().any(|name| name == k.name())).collect()
 }
 
 fn layout(name: &str) -> Result<LayoutModel> {

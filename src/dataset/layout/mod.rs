@@ -31,6 +31,15 @@ impl LayoutModel {
     pub fn named(name: &str) -> Option<Self> {
         BUILT_IN.into_iter().find(|m| m.name == name)
     }
+
+    /// Creates the layout for a camera.
+    ///
+    /// # Errors
+    /// Returns status 2 if it has no place for that.
+    pub fn layout(&self, camera: &Intrinsics) -> Result<Box<dyn Layout>> {
+        let make = self.make;
+        make(camera)
+    }
 }
 
 /// A frame, for its files.

@@ -42,7 +42,8 @@ pub(super) fn measure(
     progress: &Progress,
 ) -> Result<()> {
     let width = view.width();
-    (flow.clear(), unseen.clear()).0;
+    flow.clear();
+    unseen.clear();
     flow.resize(found.len(), [f32::NAN; 2]);
     unseen.resize(found.len(), OUTSIDE);
     let Some(to) = neighbour else { return Ok(()) };

@@ -150,7 +150,8 @@ impl Truth {
             if has(Kind::Flow) {
                 flow::measure(view, neighbour, &found, (flow, unseen), progress)?;
             } else {
-                (flow.clear(), unseen.clear()).0
+                flow.clear();
+                unseen.clear();
             }
         }
         let flowed = begun.elapsed();

@@ -94,8 +94,10 @@ pub fn write(source: &Source<'_>, layout: &dyn Layout, folder: &Path, progress: 
         for _ in 0..WRITERS {
             scope.spawn(|| save(&receive, part.path(), layout, &files));
         }
+        let taken = take_all(source, layout, part.path(), &files, &send, &mut written, progress);
         // The threads end when there is no sender left.
-        take_all(source, layout, part.path(), &files, send, &mut written, progress)
+        drop(send);
+        taken
     });
     written.files = files.into_inner().unwrap_or_else(PoisonError::into_inner)?;
     shot?;
@@ -137,7 +139,7 @@ fn take_all(
     layout: &dyn Layout,
     folder: &Path,
     files: &Mutex<Result<Duration>>,
-    send: SyncSender<Taken>,
+    send: &SyncSender<Taken>,
     written: &mut Written,
     progress: &Progress,
 ) -> Result<()> {

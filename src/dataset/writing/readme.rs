@@ -30,7 +30,7 @@ pub(super) fn text(source: &Source<'_>, layout: &dyn Layout, index: &Index<'_>) 
     for kind in index.kinds {
         text += of_kind(*kind);
     }
-    text += "- `centerline.csv`: the line of the colon, if there is one: distance along it (mm) and points (mm).\n\
+    text += "- `centerline.csv`: the centerline, if there is one: distance along it (mm) and points (mm).\n\
              - `dataset.json`: all settings.\n\n";
     for (title, names) in [("Labels", &source.names[0]), ("Parts", &source.names[1])] {
         if index.kinds.contains(&Kind::Labels) && !names.is_empty() {
@@ -74,8 +74,8 @@ fn of_kind(kind: Kind) -> &'static str {
             "- `truth/labels/N.png`, `truth/parts/N.png`: 8 bits, what the wall belongs to and the part of the colon (below).\n"
         }
         Kind::Along => {
-            "- `truth/along/N.npy`: float32 H×W×3, distance along the colon's line from its beginning (mm), distance from the line (mm), \
-             and angle about it (radians, in frames that do not turn about the line; 0 towards the patient's front where it begins).\n"
+            "- `truth/along/N.npy`: float32 H×W×3, distance along the centerline from its beginning (mm), distance from it (mm), \
+             and angle about it (radians, in frames that do not turn about it; 0 towards the patient's front where it begins).\n"
         }
     }
 }
