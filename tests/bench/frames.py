@@ -2,7 +2,7 @@
 """Measures frame times of colvis along a flight, and of another renderer on the same poses in the same run.
 
 usage: python3 tests/bench/frames.py SCAN [--colvis BINARY] [--sizes 512,1024] [--poses 240] [--threads 2] [--runs 1]
-                                     [--check N] [--vtk "PYTHON vtk_raycast.py"] [--json OUT]
+                                     [--overlay NAME] [--check N] [--vtk "PYTHON vtk_raycast.py"] [--json OUT]
 
 Flies SCAN headless and prints the preparation times. Then spreads the poses over the flight, renders them at 512 and 1024 pixels
 square in high quality, and prints the median and 99th percentile of the frame time in ms for each size. At the end it flies the
@@ -10,7 +10,8 @@ scan headless with images, by the presets default and lean, and prints the peak 
 to the first image.
 
 --runs N renders the poses N times and also prints the same figures for each pose's shortest time. That shows which poses are
-slow, whatever else ran on the machine. --vtk names a command that takes `SCAN POSES --size N --threads N` and prints one line of
+slow, whatever else ran on the machine. --overlay NAME renders them with that overlay, too, by turns, and prints what it adds to the
+median. --vtk names a command that takes `SCAN POSES --size N --threads N` and prints one line of
 JSON with median_ms. --check N also renders every Nth pose by brute force and prints the least and the mean PSNR; it needs NumPy
 and SimpleITK. Without it the standard library is enough. --json also writes all numbers to a file.
 
@@ -25,6 +26,7 @@ ap.add_argument("--sizes", default="512,1024", help="image sizes, pixels")
 ap.add_argument("--poses", type=int, default=240)
 ap.add_argument("--threads", default="2")
 ap.add_argument("--runs", type=int, default=1)
+ap.add_argument("--overlay", help="translucency or coats")
 ap.add_argument("--vtk")
 ap.add_argument("--check", type=int, default=0)
 ap.add_argument("--json", help="also write the numbers to this file")
@@ -96,8 +98,11 @@ with tempfile.TemporaryDirectory() as folder:
         json.dump({"fov_degrees": 90, "poses": poses}, f)
     for size in map(int, a.sizes.split(",")):
         render = [colvis, "render", a.scan, "--poses", at("poses"), "--out", at("images"), "--size", f"{size}x{size}"]
-        runs = []
+        runs, coloured = [], []
         for _ in range(max(1, a.runs)):
+            if a.overlay:
+                run([*render, "--threads", a.threads, "--stats", at("frames"), "--overlay", a.overlay])
+                coloured.append([f["ms"] for f in load(at("frames"))["frames"]])
             run([*render, "--threads", a.threads, "--stats", at("frames")])
             frames = load(at("frames"))["frames"]
             runs.append([f["ms"] for f in frames])
@@ -118,6 +123,10 @@ with tempfile.TemporaryDirectory() as folder:
             median, p99 = spread(map(min, zip(*runs)))
             row["least"] = {"runs": a.runs, "median_ms": median, "p99_ms": p99}
             print(f"  shortest of {a.runs} runs for each pose: median {median:.1f} ms, p99 {p99:.1f} ms, ratio {p99 / median:.2f}")
+        if a.overlay:
+            plain, painted = (spread(map(min, zip(*all)))[0] for all in (runs, coloured))
+            row["overlay"] = {"name": a.overlay, "runs": a.runs, "plain_ms": plain, "median_ms": painted}
+            print(f"  {a.overlay}: median {painted:.2f} ms instead of {plain:.2f} ms, {100 * (painted / plain - 1):+.1f} %")
         if a.check:
             with open(at("some"), "w") as f:
                 json.dump({"fov_degrees": 90, "poses": poses[:: a.check]}, f)

@@ -55,11 +55,22 @@ impl<'a> Distances<'a> {
     /// Between rays that meet the same surface, the inverse distance is bilinear, as it is over a plane.
     #[inline]
     pub fn at(&self, x: f32, y: f32) -> f32 {
+        self.unit_mm / self.inverse_at(x, y)
+    }
+
+    /// Returns a distance of 1, mm.
+    #[inline]
+    pub(super) fn unit_mm(&self) -> f32 {
+        self.unit_mm
+    }
+
+    #[inline]
+    fn inverse_at(&self, x: f32, y: f32) -> f32 {
         let place = |x: f32, scale: f32| ((x * scale - 0.5) / self.step).max(0.0);
         let (u, v) = (place(x, self.scale[0]), place(y, self.scale[1]));
         let (i, j) = ((u + ON) as usize, (v + ON) as usize);
         let (s, t) = (u - i as f32, v - j as f32);
-        let inverse = match (s > ON, t > ON) {
+        match (s > ON, t > ON) {
             (false, false) => self.ray(i, j),
             (true, false) => between([self.ray(i, j), self.ray(i + 1, j)], [1.0 - s, s]),
             (false, true) => between([self.ray(i, j), self.ray(i, j + 1)], [1.0 - t, t]),
@@ -67,29 +78,29 @@ impl<'a> Distances<'a> {
                 [self.ray(i, j), self.ray(i + 1, j), self.ray(i, j + 1), self.ray(i + 1, j + 1)],
                 [(1.0 - s) * (1.0 - t), s * (1.0 - t), (1.0 - s) * t, s * t],
             ),
-        };
-        self.unit_mm / inverse
+        }
     }
 
-    /// Returns the distances at sixteen points of a row, `step` pixels apart from `from` on: see [`Distances::at`].
+    /// Finds the inverse distances at some points of a row, `step` pixels apart from `from` on, in units of 1 / [`Distances::unit_mm`]:
+    /// see [`Distances::at`].
     #[inline]
-    pub(super) fn row(&self, [x, y]: [f32; 2], step: f32, mm: &mut [f32; 16]) {
+    pub(super) fn inverse_row(&self, [x, y]: [f32; 2], step: f32, inverse: &mut [f32]) {
         let place = |x: f32, scale: f32| (x * scale - 0.5) / self.step;
         let (u, v, rays) = (place(x, self.scale[0]), place(y, self.scale[1]), step * self.scale[0] / self.step);
         // Most pictures are not stretched: there is a ray at each of these points.
-        if u.fract() == 0.0 && v.fract() == 0.0 && rays.fract() == 0.0 && rays >= 1.0 && u >= 0.0 && v >= 0.0 {
-            let (first, row, rays) = (u as usize, v as usize, rays as usize);
-            if row < self.count[1] && first + 15 * rays < self.count[0] {
-                let near = &self.near[row * self.stride + first..][..15 * rays + 1];
-                for (n, mm) in mm.iter_mut().enumerate() {
-                    // 1 / 0 is infinite, and stays NaN what is not known.
-                    *mm = self.unit_mm / near[n * rays];
+        let (first, row, apart) = (u as usize, v as usize, rays as usize);
+        if [first as f32, row as f32, apart as f32] == [u, v, rays] && apart > 0 && row < self.count[1] {
+            let last = first + inverse.len().saturating_sub(1) * apart;
+            let near = self.near.get(row * self.stride..).and_then(|near| near.get(first..=last));
+            if let Some(near) = near.filter(|_| last < self.count[0]) {
+                for (inverse, near) in inverse.iter_mut().zip(near.iter().step_by(apart)) {
+                    *inverse = *near;
                 }
                 return;
             }
         }
-        for (n, mm) in mm.iter_mut().enumerate() {
-            *mm = self.at(x + n as f32 * step, y);
+        for (n, inverse) in inverse.iter_mut().enumerate() {
+            *inverse = self.inverse_at(x + n as f32 * step, y);
         }
     }
 
@@ -137,5 +148,29 @@ mod tests {
         assert_eq!((of.at(1.0, 1.0), of.pixels_apart()), (20.0, 8.0));
         assert!((of.at(9.0, 1.0) - 10.0 / 0.44).abs() < 1e-4 && (of.at(5.0, 1.0) - 10.0 / 0.47).abs() < 1e-4);
         assert!(Distances::new(&[], 0, [0, 0], 4, 1.0).at(3.0, 3.0).is_nan());
+    }
+
+    #[test]
+    fn a_row_has_what_each_of_its_points_has() {
+        let near: Vec<f32> = (0..40 * 9).map(|n| if n % 7 == 0 { f32::NAN } else { (n % 5) as f32 * 0.1 }).collect();
+        let of = Distances::new(&near, 40, [38, 9], 4, 10.0);
+        let wide = of.stretched(ImageSize::new(16, 8), ImageSize::new(32, 16));
+        for (of, [x, y], step, len) in [
+            (of, [0.5, 0.5], 8.0, 16),
+            (of, [64.5, 32.5], 8.0, 16),
+            (of, [144.5, 8.5], 8.0, 1),
+            (of, [144.5, 8.5], 8.0, 2),
+            (of, [4.5, 40.5], 8.0, 3),
+            (of, [3.5, 4.5], 8.0, 7),
+            (of, [0.5, 4.5], 2.0, 9),
+            (wide, [0.5, 8.5], 8.0, 16),
+        ] {
+            let mut row = vec![9.0; len];
+            of.inverse_row([x, y], step, &mut row);
+            for (n, inverse) in row.into_iter().enumerate() {
+                let (got, expected) = (of.unit_mm() / inverse, of.at(x + n as f32 * step, y));
+                assert_eq!(got.to_bits(), expected.to_bits(), "{x} {y} {step} {n}");
+            }
+        }
     }
 }

@@ -8,9 +8,10 @@ use std::array::from_fn;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use fearless_simd::{Simd, f32x16, i32x16, prelude::*, u16x32};
+use fearless_simd::{Level, Simd, f32x16, i16x16, i32x16, prelude::*, u16x32};
 use rayon::prelude::*;
 
+use crate::render::packets::picture::on_level;
 use crate::space::PreparedVolume;
 use crate::volume::Volume;
 
@@ -25,6 +26,11 @@ pub(crate) trait CellInks: Sync {
     /// Returns the inks of the wall in some cells, at most [`AT_ONCE`]. A cell is given by its voxel with the lowest indices. An ink whose last
     /// number is 0 counts as none.
     fn inks(&self, cells: &[[usize; 3]], inks: &mut [Ink]);
+
+    /// Returns the only cells that may have an ink, in any order; `None` if any may.
+    fn only(&self) -> Option<Vec<[usize; 3]>> {
+        None
+    }
 }
 
 /// The most cells for which inks are asked at once.
@@ -44,6 +50,9 @@ const CHUNK: usize = 7;
 const AROUND: usize = 2 + HELD + HELD * HELD;
 
 type Brick = [i32; HELD * HELD * HELD];
+
+/// For each row of a brick's cells along x, a bit for each that the wall crosses.
+type Crossed = [u16; HELD * HELD];
 
 /// Nothing is known of a brick.
 const UNKNOWN: u32 = u32::MAX;
@@ -66,15 +75,26 @@ pub(super) struct CellField {
 }
 
 impl CellField {
-    /// Creates the field of a volume, without any inks.
-    pub(super) fn new(volume: &Volume) -> Self {
+    /// Creates the field of a volume, without any inks. Nobody asks for bricks without cells that may have one.
+    pub(super) fn new(volume: &Volume, inks: &dyn CellInks) -> Self {
         let count = volume.grid().dims().map(|n| n / SIDE + 1);
-        let table = (0..count.iter().product()).map(|_| AtomicU32::new(UNKNOWN)).collect();
-        Self { count, table, bricks: Vec::new(), len: 0, asked: Mutex::default() }
+        let only = inks.only();
+        let first = if only.is_some() { EMPTY } else { UNKNOWN };
+        let mut table: Vec<_> = (0..count.iter().product()).map(|_| AtomicU32::new(first)).collect();
+        for cell in only.unwrap_or_default() {
+            // A brick begins one cell before its first whole one: along an axis, one or two of them have a cell.
+            for n in 0..8 {
+                let [x, y, z] = from_fn(|a| (cell[a] + (n >> a & 1)) / SIDE);
+                if let Some(at) = table.get_mut(x + count[0] * (y + count[1] * z)) {
+                    *at.get_mut() = UNKNOWN;
+                }
+            }
+        }
+        Self { count, table, ..Self::default() }
     }
 
     /// Returns the inks at places of the wall, from the cells around them, weighted by their nearness, and whether all of the first
-    /// `wanted` are known. The others are [asked](Self::answer) for. Places are given in voxel coordinates, counted from voxel −1.
+    /// `wanted` are known. If not, none is found, and those are [asked](Self::answer) for. Places are given in voxel coordinates, counted from voxel −1.
     /// There is no ink beyond the volume, nor at places that are not finite.
     #[inline(always)]
     pub(super) fn at<S: Simd>(&self, simd: S, q: [f32x16<S>; 3], wanted: usize) -> ([Sum; 16], bool) {
@@ -93,8 +113,9 @@ impl CellField {
             first = first * HELD as i32 + (base & (SIDE as i32 - 1));
         }
         let (number, first) = (has.select(number, zero - 1).to_array(), has.select(first, zero).to_array());
-        let mut taps = [[0; 16]; 8];
-        let mut all = true;
+        // Two cells that are neighbours along x are one load.
+        let mut taps = [[[0; 2]; 16]; 4];
+        let (mut all, mut any) = (true, false);
         // Rays that are close are in one brick.
         let (mut last, mut brick) = (-1, None);
         for lane in 0..wanted.min(16) {
@@ -107,26 +128,39 @@ impl CellField {
                 }
             }
             if let Some(cells) = brick.and_then(|b| b.get(first[lane] as usize..)?.first_chunk::<AROUND>()) {
-                for (n, tap) in taps.iter_mut().enumerate() {
-                    tap[lane] = cells[(n & 1) + HELD * (n >> 1 & 1) + HELD * HELD * (n >> 2)];
+                any = true;
+                for (n, taps) in taps.iter_mut().enumerate() {
+                    let at = HELD * (n & 1) + HELD * HELD * (n >> 1);
+                    taps[lane] = [cells[at], cells[at + 1]];
                 }
             }
         }
+        let mut sums = [[0; 4]; 16];
+        // Where some wait, all are looked for again.
+        if !(any && all) {
+            return (sums, all);
+        }
         // Two numbers of an ink in each sum, 16 bits for each. The weights add up to at most 256.
         let [mut low, mut high] = [u16x32::splat(simd, 0); 2];
-        for (n, tap) in taps.iter().enumerate() {
-            let weight = near[0][n & 1] * near[1][n >> 1 & 1] * (near[2][n >> 2] * 256.0);
-            let weight: i32x16<S> = weight.to_int();
-            let weight: u16x32<S> = (weight | weight << 16).bitcast();
-            let tap = i32x16::load_array_ref(simd, tap);
-            let (even, odd): (u16x32<S>, u16x32<S>) =
-                ((tap & 0x00ff_00ff).bitcast(), (tap >> 8 & 0x00ff_00ff).bitcast());
-            low += even * weight;
-            high += odd * weight;
+        for (n, taps) in taps.iter().enumerate() {
+            let taps = taps.as_flattened();
+            let (left, right) =
+                i32x16::from_slice(simd, &taps[..16]).deinterleave(i32x16::from_slice(simd, &taps[16..]));
+            for (x, tap) in [left, right].into_iter().enumerate() {
+                let weight = near[0][x] * near[1][n & 1] * (near[2][n >> 1] * 256.0);
+                let weight: i32x16<S> = weight.to_int();
+                let weight: u16x32<S> = (weight | weight << 16).bitcast();
+                let (even, odd): (u16x32<S>, u16x32<S>) =
+                    ((tap & 0x00ff_00ff).bitcast(), (tap >> 8 & 0x00ff_00ff).bitcast());
+                low += even * weight;
+                high += odd * weight;
+            }
         }
-        let (low, high) = (low.to_array(), high.to_array());
-        let sum = |lane: usize| [low[2 * lane], high[2 * lane], low[2 * lane + 1], high[2 * lane + 1]];
-        (from_fn(sum), all)
+        let (first, second) = low.interleave(high);
+        let numbers = sums.as_flattened_mut();
+        first.store_slice(&mut numbers[..32]);
+        second.store_slice(&mut numbers[32..]);
+        (sums, all)
     }
 
     /// Asks for a brick. Returns false.
@@ -141,32 +175,38 @@ impl CellField {
     }
 
     /// Finds the inks that were asked for in the wall of `volume`. Returns false if none were.
-    pub(super) fn answer(&mut self, volume: &PreparedVolume, inks: &dyn CellInks) -> bool {
+    pub(super) fn answer(&mut self, volume: &PreparedVolume, inks: &dyn CellInks, level: Level) -> bool {
         let mut asked = std::mem::take(self.asked.get_mut().unwrap_or_else(PoisonError::into_inner));
         if asked.is_empty() {
             return false;
         }
         let [across, down, _] = self.count;
-        let found: Vec<_> = asked
-            .par_iter()
-            .map(|&number| {
-                let n = number as usize;
-                brick(volume, inks, [n % across, n / across % down, n / (across * down)])
-            })
-            .collect();
-        for (number, brick) in asked.drain(..).zip(found) {
-            let at = self.table[number as usize].get_mut();
-            *at = EMPTY;
-            if let Some(brick) = brick {
-                *at = self.len as u32;
-                if self.len >> CHUNK == self.bricks.len() {
-                    self.bricks.push(vec![[0; HELD * HELD * HELD]; MANY]);
-                }
-                self.bricks[self.len >> CHUNK][self.len & (MANY - 1)] = *brick;
-                self.len += 1;
-            }
-        }
+        let first = |number: u32| {
+            let n = number as usize;
+            [n % across, n / across % down, n / (across * down)].map(|b| (b * SIDE).wrapping_sub(1))
+        };
+        let mut found = Vec::with_capacity(asked.len());
+        let look = |&number: &u32| {
+            let mut crossed = [0; HELD * HELD];
+            on_level!(level, simd => crossed = crossings(simd, volume, first(number)));
+            (number, crossed)
+        };
+        asked.par_iter().map(look).collect_into_vec(&mut found);
+        let begin = self.len;
+        found.retain(|(number, crossed)| {
+            let is_crossed = crossed.iter().any(|&row| row != 0);
+            *self.table[*number as usize].get_mut() = if is_crossed { self.len as u32 } else { EMPTY };
+            self.len += usize::from(is_crossed);
+            is_crossed
+        });
+        let parts = self.len.div_ceil(MANY);
+        self.bricks.resize_with(parts, || vec![[0; HELD * HELD * HELD]; MANY]);
+        // Each is written where it stays.
+        let new = self.bricks[begin / MANY..].iter_mut().flatten().skip(begin % MANY);
+        let mut new: Vec<_> = new.zip(&found).collect();
+        new.par_iter_mut().for_each(|(brick, (number, crossed))| fill(brick, crossed, first(*number), inks));
         // Its memory is used again.
+        asked.clear();
         self.asked = Mutex::new(asked);
         true
     }
@@ -177,48 +217,73 @@ impl CellField {
     }
 }
 
-/// Returns a brick; `None` if the wall crosses none of its cells.
-fn brick(volume: &PreparedVolume, inks: &dyn CellInks, at: [usize; 3]) -> Option<Box<Brick>> {
-    let (voxels, iso) = (volume.voxels(), volume.transfer().iso());
-    let grid = voxels.grid();
+/// Returns which cells of the brick from the cell `first` on the wall crosses: those with a voxel in it and another in the gas. Beyond
+/// the volume there are none.
+#[inline(never)]
+fn crossings<S: Simd>(simd: S, volume: &PreparedVolume, first: [usize; 3]) -> Crossed {
+    let voxels = volume.voxels();
+    let (grid, data) = (voxels.grid(), voxels.data());
     let dims = grid.dims();
-    // For each voxel that the cells lie between, whether it is in the wall; 2 beyond the volume.
-    let mut side = [2u8; CORNERS * CORNERS * CORNERS];
-    let first = at.map(|b| (b * SIDE).wrapping_sub(1));
-    for z in 0..CORNERS {
-        for y in 0..CORNERS {
-            let [j, k] = [first[1].wrapping_add(y), first[2].wrapping_add(z)];
-            if j >= dims[1] || k >= dims[2] {
-                continue;
+    // Values are whole numbers.
+    let iso = volume.transfer().iso().ceil().clamp(-32768.0, 32767.0) as i16;
+    let mut crossed = [0; HELD * HELD];
+    // The first column may be before the volume.
+    let before = usize::from(first[0] == usize::MAX);
+    let from = first[0].wrapping_add(before);
+    let columns = dims[0].saturating_sub(from).min(CORNERS - before);
+    let valid = ((1u16 << columns) - 1) << before;
+    // The cells between two voxels of the volume.
+    let valid = valid & (valid >> 1);
+    simd.vectorize(
+        #[inline(always)]
+        || {
+            // For each row of voxels that the cells lie between, a bit for each that is in the wall; `None` beyond the volume.
+            let mut rows = [None; CORNERS * CORNERS];
+            for (n, row) in rows.iter_mut().enumerate() {
+                let [j, k] = [first[1].wrapping_add(n % CORNERS), first[2].wrapping_add(n / CORNERS)];
+                if j >= dims[1] || k >= dims[2] || columns == 0 {
+                    continue;
+                }
+                let at = &data[grid.index(from, j, k)..];
+                let inside = match at.first_chunk::<16>() {
+                    Some(values) => i16x16::load_array_ref(simd, values).simd_ge(iso).to_bitmask() as u16,
+                    None => (0..columns).fold(0, |bits, x| bits | u16::from(at[x] >= iso) << x),
+                };
+                *row = Some(inside << before);
             }
-            let row = &voxels.data()[grid.index(0, j, k)..][..dims[0]];
-            for (x, side) in side[CORNERS * (y + CORNERS * z)..][..CORNERS].iter_mut().enumerate() {
-                if let Some(&value) = row.get(first[0].wrapping_add(x)) {
-                    *side = u8::from(f64::from(value) >= iso);
+            for (n, crossed) in crossed.iter_mut().enumerate() {
+                let at = n % HELD + CORNERS * (n / HELD);
+                let four = [rows[at], rows[at + 1], rows[at + CORNERS], rows[at + CORNERS + 1]];
+                if let [Some(a), Some(b), Some(c), Some(d)] = four {
+                    let (any, all) = (a | b | c | d, a & b & c & d);
+                    *crossed = (any | any >> 1) & !(all & (all >> 1)) & valid;
                 }
             }
-        }
-    }
-    let mut brick: Option<Box<Brick>> = None;
+        },
+    );
+    crossed
+}
+
+/// Finds the inks of the crossed cells of the brick from the cell `first` on.
+fn fill(brick: &mut Brick, crossed: &Crossed, first: [usize; 3], inks: &dyn CellInks) {
     let (mut cells, mut places, mut len) = ([[0; 3]; AT_ONCE], [0; AT_ONCE], 0);
     let mut flush = |cells: &[[usize; 3]], places: &[usize]| {
         let mut found = [[0; 4]; AT_ONCE];
         inks.inks(cells, &mut found[..cells.len()]);
-        let brick = brick.get_or_insert_with(|| Box::new([0; HELD * HELD * HELD]));
         for (ink, place) in found.iter().zip(places) {
             brick[*place] = if ink[3] == 0 { 0 } else { i32::from_le_bytes(*ink) };
         }
     };
-    for place in 0..HELD * HELD * HELD {
-        let [x, y, z] = [place % HELD, place / HELD % HELD, place / (HELD * HELD)];
-        let corner = |n: usize| side[x + (n & 1) + CORNERS * (y + (n >> 1 & 1) + CORNERS * (z + (n >> 2)))];
-        let (mut all, mut any) = (corner(0), corner(0));
-        for n in 1..8 {
-            (all, any) = (all & corner(n), any | corner(n));
-        }
-        if any == 1 && all == 0 {
-            (cells[len], places[len]) =
-                ([first[0].wrapping_add(x), first[1].wrapping_add(y), first[2].wrapping_add(z)], place);
+    for (n, &row) in crossed.iter().enumerate() {
+        let mut row = row;
+        while row != 0 {
+            let x = row.trailing_zeros() as usize;
+            row &= row - 1;
+            cells[len] = [x, n % HELD, n / HELD];
+            for (cell, first) in cells[len].iter_mut().zip(first) {
+                *cell = first.wrapping_add(*cell);
+            }
+            places[len] = x + HELD * n;
             len += 1;
             if len == AT_ONCE {
                 flush(&cells, &places);
@@ -229,5 +294,4 @@ fn brick(volume: &PreparedVolume, inks: &dyn CellInks, at: [usize; 3]) -> Option
     if len > 0 {
         flush(&cells[..len], &places[..len]);
     }
-    brick
 }

@@ -91,8 +91,8 @@ pub(crate) struct WallPainter {
     /// Inks and gains at the rays of the last picture.
     inks: Vec<Sum>,
     gains: Vec<Gains>,
-    /// For each row of rays, whether some of its inks are not known yet.
-    waits: Vec<bool>,
+    /// For each row of rays, the packets with inks that are not known yet: see [`bit`].
+    waits: Vec<u64>,
     /// What all inks are of; `None` if they are not of the whole picture.
     source: Option<Source>,
     level: Level,
@@ -126,15 +126,15 @@ impl WallPainter {
             return;
         }
         let Some([columns, rows]) = part(area, [width, height]) else { return };
-        self.belong_to(&of);
+        self.belong_to(&of, inks);
         let [across, down] = [width, height].map(|n| n.div_ceil(STEP) + 1);
         let is_whole = area == PaintedArea::Whole;
         if !(is_whole && self.is_of(&of)) {
             self.inks.resize(across * down, [0; 4]);
             self.gains.resize(across * down, [ONE; 4]);
-            self.waits.resize(down, false);
+            self.waits.resize(down, 0);
             self.source = is_whole.then(|| Source::new(&of));
-            self.waits.fill(true);
+            self.waits.fill(u64::MAX);
         }
         // One more ray than blocks, to the right and below.
         let part = [&columns, &rows].map(|range| range.start / STEP..range.end.div_ceil(STEP) + 1);
@@ -162,27 +162,41 @@ impl WallPainter {
     ) {
         let (eyes, level, pixels) = (Eyes::new(of), self.level, frame.pixels());
         let [width, height, across] = [frame.width(), frame.height(), frame.width().div_ceil(STEP) + 1];
+        let mut is_first = true;
         loop {
             let field = &self.field;
             let lines = self.inks.par_chunks_mut(across).zip(self.gains.par_chunks_mut(across)).zip(&mut self.waits);
             let lines = lines.enumerate().with_max_len(1).skip(rows.start).take(rows.len());
-            lines.for_each(|(row, ((inks, gains), waits))| {
-                if *waits {
-                    on_level!(level, simd => *waits = !eyes.line(simd, field, row, columns.clone(), inks));
+            lines.for_each(|(row, ((line, gains), waits))| {
+                let waited = std::mem::take(waits);
+                if waited == 0 && !is_first {
+                    return;
                 }
-                if !*waits {
-                    let pixels = &pixels[(row * STEP).min(height - 1) * width..][..width];
-                    on_level!(level, simd => tint::find(simd, (inks, cover), pixels, columns.clone(), gains));
-                }
+                let pixels = &pixels[(row * STEP).min(height - 1) * width..][..width];
+                on_level!(level, simd => {
+                    for (n, first) in columns.clone().step_by(PACKET).enumerate() {
+                        let packet = first..columns.end.min(first + PACKET);
+                        if waited & bit(n) != 0 {
+                            if !eyes.packet(simd, field, [first, row], &mut line[packet.clone()]) {
+                                *waits |= bit(n);
+                                continue;
+                            }
+                        } else if !is_first {
+                            continue;
+                        }
+                        tint::find(simd, (line, cover), pixels, packet, gains);
+                    }
+                });
             });
-            if !self.field.answer(of.volume, inks) {
+            is_first = false;
+            if !self.field.answer(of.volume, inks, level) {
                 return;
             }
         }
     }
 
     /// Begins anew if the picture is of other volumes.
-    fn belong_to(&mut self, of: &Pictured<'_>) {
+    fn belong_to(&mut self, of: &Pictured<'_>, inks: &dyn CellInks) {
         let [shown, scanned] = &self.volumes;
         let same = |a: &Option<Arc<Volume>>, b: Option<&Volume>| match (a, b) {
             (Some(a), Some(b)) => std::ptr::eq(&**a, b),
@@ -191,7 +205,7 @@ impl WallPainter {
         };
         if !same(shown, Some(of.volume.voxels())) || !same(scanned, of.scanned.map(|s| &**s)) {
             self.volumes = [Some(of.volume.shared_voxels()), of.scanned.cloned()];
-            (self.field, self.source) = (CellField::new(of.volume.voxels()), None);
+            (self.field, self.source) = (CellField::new(of.volume.voxels(), inks), None);
         }
     }
 
@@ -203,7 +217,9 @@ impl WallPainter {
 
     /// Returns the memory in use, bytes.
     pub(crate) fn bytes(&self) -> usize {
-        self.field.bytes() + self.inks.len() * (size_of::<Sum>() + size_of::<Gains>()) + self.waits.len()
+        self.field.bytes()
+            + self.inks.len() * (size_of::<Sum>() + size_of::<Gains>())
+            + self.waits.len() * size_of::<u64>()
     }
 }
 
@@ -211,6 +227,11 @@ impl Source {
     fn new(of: &Pictured<'_>) -> Self {
         Self { view: of.view.clone(), apart: of.distances.map_or(0.0, |d| d.pixels_apart()) }
     }
+}
+
+/// Returns the bit of a row's packet. All after the last bit share it.
+fn bit(packet: usize) -> u64 {
+    1 << packet.min(63)
 }
 
 /// Returns the columns and rows of pixels that an area may reach; `None` if it has none.
@@ -247,6 +268,19 @@ struct Eyes<'a> {
     distances: Option<Distances<'a>>,
 }
 
+/// Rays at once.
+const PACKET: usize = 16;
+/// Pixels from the first of them to each.
+const APART: [f32; PACKET] = {
+    let mut all = [0.0; PACKET];
+    let mut n = 0;
+    while n < PACKET {
+        all[n] = (n * STEP) as f32;
+        n += 1;
+    }
+    all
+};
+
 /// A camera farther away than this has its rays cast one by one, voxels.
 const FAR: f64 = 1e4;
 
@@ -265,51 +299,30 @@ impl<'a> Eyes<'a> {
         }
     }
 
-    /// Finds the inks at the rays `columns` of a row. Returns false if some of them are not known yet.
-    #[inline(always)]
-    fn line<S: Simd>(&self, simd: S, field: &CellField, row: usize, columns: Range<usize>, line: &mut [Sum]) -> bool {
-        let last = columns.end.min(line.len());
-        let mut all = true;
-        for first in (columns.start..last).step_by(16) {
-            let lanes = (last - first).min(16);
-            all &= self.packet(simd, field, [first, row], &mut line[first..first + lanes]);
-        }
-        all
-    }
-
+    /// Finds the inks at some rays of a row, from the ray `at` on. Returns false if some of them are not known yet.
     #[inline(never)]
     fn packet<S: Simd>(&self, simd: S, field: &CellField, at: [usize; 2], inks: &mut [Sum]) -> bool {
         let [x, y] = [0, 1].map(|a| (at[a] * STEP) as f32 + 0.5);
-        let mut mm = [f32::NAN; 16];
+        let mut inverse = [f32::NAN; PACKET];
+        let mut unit_mm = 1.0;
         if let Some(distances) = self.distances {
-            distances.row([x, y], STEP as f32, &mut mm);
-        }
-        // Where a ray's distance is not known it is cast.
-        let mut cast = [[f32::INFINITY; 16]; 3];
-        let is_cast = mm[..inks.len()].iter().any(|mm| mm.is_nan());
-        if is_cast {
-            for lane in 0..inks.len() {
-                if mm[lane].is_nan()
-                    && let Some(place) = self.cast(x + (lane * STEP) as f32, y)
-                {
-                    (0..3).for_each(|a| cast[a][lane] = place[a]);
-                }
-            }
+            distances.inverse_row([x, y], STEP as f32, &mut inverse[..inks.len()]);
+            unit_mm = distances.unit_mm();
         }
         let mut all = true;
         simd.vectorize(
             #[inline(always)]
             || {
                 let load = f32x16::load_array_ref;
-                let mut xs = [0.0; 16];
-                for (n, at) in xs.iter_mut().enumerate() {
-                    *at = x + (n * STEP) as f32;
-                }
-                let ray = self.directions.lanes(simd, load(simd, &xs), f32x16::splat(simd, y));
-                let mm = load(simd, &mm);
-                let mut q = ray.at_each(self.origin, mm);
-                if is_cast {
-                    let is_known = mm.simd_eq(mm);
+                let apart = load(simd, &APART);
+                let ray = self.directions.lanes(simd, apart + x, f32x16::splat(simd, y));
+                let inverse = load(simd, &inverse);
+                // 1 / 0 is infinite, and stays NaN what is not known.
+                let mut q = ray.at_each(self.origin, f32x16::splat(simd, unit_mm) / inverse);
+                // Of those after the last nobody asks.
+                let is_known = inverse.simd_eq(inverse) | load(simd, &APART).simd_ge((inks.len() * STEP) as f32);
+                if !is_known.all_true() {
+                    let cast = self.cast_some(inverse.as_array(), [x, y], inks.len());
                     for (q, cast) in q.iter_mut().zip(&cast) {
                         *q = is_known.select(*q, load(simd, cast));
                     }
@@ -322,9 +335,22 @@ impl<'a> Eyes<'a> {
         all
     }
 
-    /// Returns where the ray through a point of the picture meets the wall, in voxel coordinates counted from voxel −1.
+    /// Casts those of the first rays from the point (`x`, `y`) on whose distance is not known, and returns where they meet the wall.
     #[cold]
     #[inline(never)]
+    fn cast_some(&self, inverse: &[f32; PACKET], [x, y]: [f32; 2], rays: usize) -> [[f32; PACKET]; 3] {
+        let mut cast = [[f32::INFINITY; PACKET]; 3];
+        for lane in 0..rays {
+            if inverse[lane].is_nan()
+                && let Some(place) = self.cast(x + (lane * STEP) as f32, y)
+            {
+                (0..3).for_each(|a| cast[a][lane] = place[a]);
+            }
+        }
+        cast
+    }
+
+    /// Returns where the ray through a point of the picture meets the wall, in voxel coordinates counted from voxel −1.
     fn cast(&self, x: f32, y: f32) -> Option<Vec3> {
         let ray = self.of.view.ray_at(f64::from(x), f64::from(y))?;
         let mm = first_crossing(self.of.volume, ray.origin, ray.direction, f64::INFINITY)?;

@@ -55,6 +55,11 @@ fn number([x, y, z]: [usize; 3]) -> u64 {
     (z as u64) << 42 | (y as u64) << 21 | x as u64
 }
 
+/// Returns the cell of a number.
+fn cell(number: u64) -> [usize; 3] {
+    [0, 21, 42].map(|shift| (number >> shift) as usize & ((1 << 21) - 1))
+}
+
 /// Returns the cells with a place, and those beside them, in order.
 fn cells(grid: &Grid, places: &[DVec3]) -> Vec<u64> {
     let mut all: Vec<u64> = Vec::new();
@@ -86,6 +91,10 @@ impl CellInks for Spots<'_> {
         for (cell, ink) in cells.iter().zip(inks) {
             *ink = if self.cells.binary_search(&number(*cell)).is_ok() { self.ink } else { [0; 4] };
         }
+    }
+
+    fn only(&self) -> Option<Vec<[usize; 3]>> {
+        Some(self.cells.iter().copied().map(cell).collect())
     }
 }
 

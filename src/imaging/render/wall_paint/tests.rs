@@ -47,10 +47,10 @@ fn ink(field: &CellField, q: [f32; 3]) -> Option<Sum> {
 #[test]
 fn a_place_has_the_mean_of_the_cells_around_it_and_each_is_found_once() {
     let (volume, columns) = (flat(), Columns::default());
-    let mut field = CellField::new(volume.voxels());
+    let mut field = CellField::new(volume.voxels(), &columns);
     let places = [[7.5, 12.5, 10.5], [7.0, 12.5, 10.5], [7.5, 12.5, 11.0], [7.5, 12.5, 14.0], [7.5, 5.5, 10.5]];
     assert!(places.iter().all(|&q| ink(&field, q).is_none()), "not known yet");
-    assert!(field.answer(&volume, &columns) && !field.answer(&volume, &columns));
+    assert!(field.answer(&volume, &columns, Level::new()) && !field.answer(&volume, &columns, Level::new()));
     let all = places.map(|q| ink(&field, q).unwrap());
     // Cell 6 is between the grown coordinates 7 and 8.
     assert_eq!(all[0], [60 * 256, 100 * 256, 0, 200 * 256]);
@@ -63,15 +63,50 @@ fn a_place_has_the_mean_of_the_cells_around_it_and_each_is_found_once() {
     for q in [[7.5, 12.5, 10.5], [9.5, 12.5, 10.5]] {
         ink(&field, q);
     }
-    field.answer(&volume, &columns);
+    field.answer(&volume, &columns, Level::new());
     assert!(columns.0.lock().unwrap().iter().all(|c| c[0] >= 7), "another brick, with those at its border");
     assert!(once <= 2 * 81);
+}
+
+/// An ink for some cells.
+struct FourCells([[usize; 3]; 4]);
+
+impl CellInks for FourCells {
+    fn inks(&self, cells: &[[usize; 3]], inks: &mut [[u8; 4]]) {
+        for (cell, ink) in cells.iter().zip(inks) {
+            *ink = if self.0.contains(cell) { [9, 8, 7, 255] } else { [0; 4] };
+        }
+    }
+
+    fn only(&self) -> Option<Vec<[usize; 3]>> {
+        Some(self.0.into())
+    }
+}
+
+#[test]
+fn only_bricks_of_cells_with_ink_are_asked_for() {
+    let volume = flat();
+    // At the first cell, and on both sides of where bricks meet.
+    let inks = FourCells([[0, 0, 9], [7, 4, 9], [8, 12, 9], [18, 16, 9]]);
+    let mut field = CellField::new(volume.voxels(), &inks);
+    for [x, y, z] in inks.0 {
+        let q = [x, y, z].map(|c| c as f32 + 1.5);
+        assert_eq!(ink(&field, q), None);
+        assert!(field.answer(&volume, &inks, Level::new()));
+        assert_eq!(ink(&field, q), Some([9 * 256, 8 * 256, 7 * 256, 255 * 256]), "{x} {y}");
+        // From the cell before, which may be in the brick before.
+        let near = q.map(|c| c - 0.5);
+        ink(&field, near);
+        field.answer(&volume, &inks, Level::new());
+        assert_eq!(ink(&field, near).map(|sum| sum[3]), Some(255 * 32), "{x} {y}");
+    }
+    assert_eq!(ink(&field, [3.5, 14.5, 3.5]), Some([0; 4]), "nobody asks");
 }
 
 #[test]
 fn places_beyond_the_volume_have_no_ink() {
     let (volume, columns) = (flat(), Columns::default());
-    let mut field = CellField::new(volume.voxels());
+    let mut field = CellField::new(volume.voxels(), &columns);
     let (nan, inf) = (f32::NAN, f32::INFINITY);
     let beyond =
         [[-1e9, 3.0, 3.0], [3.0, inf, 3.0], [3.0, 3.0, -inf], [nan, 3.0, 3.0], [1e30, 1e30, 1e30], [60.0, 3.0, 3.0]];
@@ -81,7 +116,7 @@ fn places_beyond_the_volume_have_no_ink() {
     // At the last cells of the wall there is some.
     for q in [[1.5, 1.5, 10.5], [19.5, 17.5, 10.5], [0.2, 0.7, 10.5], [20.9, 18.9, 10.5]] {
         ink(&field, q);
-        while field.answer(&volume, &columns) {}
+        while field.answer(&volume, &columns, Level::new()) {}
         assert!(ink(&field, q).is_some(), "{q:?}");
     }
     assert_eq!(ink(&field, [19.5, 17.5, 10.5]), Some([180 * 256, 100 * 256, 0, 200 * 256]));
@@ -129,13 +164,31 @@ fn gains_give_the_inks_colour_in_the_pixels_light() {
     let pixels = [[240, 150, 125]; 20];
     let mut gains = [[0; 4]; 3];
     let cover = Cover { most: 1.0, full_at: 0.1 * Cover::ALL };
-    on_level!(Level::new(), simd => tint::find(simd, (&inks, cover), &pixels, 0..3, &mut gains));
-    let coloured = |n: usize| [0, 1, 2].map(|c| f32::from(gains[n][c]) / 1024.0 * f32::from(pixels[0][c]));
-    for (n, expected) in [(0, [200.0, 100.0, 50.0]), (1, [255.0; 3])] {
-        for (got, expected) in coloured(n).into_iter().zip(expected) {
-            let expected = expected * 240.0 / 255.0;
-            assert!((got - expected).abs() < 8.0, "{:?}", coloured(n));
+    for (name, level) in levels() {
+        on_level!(level, simd => tint::find(simd, (&inks, cover), &pixels, 0..3, &mut gains));
+        let coloured = |n: usize| [0, 1, 2].map(|c| f32::from(gains[n][c]) / 1024.0 * f32::from(pixels[0][c]));
+        for (n, expected) in [(0, [200.0, 100.0, 50.0]), (1, [255.0; 3])] {
+            for (got, expected) in coloured(n).into_iter().zip(expected) {
+                let expected = expected * 240.0 / 255.0;
+                assert!((got - expected).abs() < 8.0, "{name}: {:?}", coloured(n));
+            }
+        }
+        assert_eq!(gains[2], [ONE; 4], "no ink");
+    }
+    // Rows of every length, from every ray on, have the same.
+    let row: Vec<Sum> = (0..60).map(|n| inks[n % 3]).collect();
+    for width in [1usize, 7, 8, 124, 125, 129, 300, 400] {
+        let pixels: Vec<[u8; 3]> = (0..width).map(|n| [240, (n % 200) as u8, 125]).collect();
+        let rays = width.div_ceil(STEP) + 1;
+        for first in [0, 1, rays / 2, rays - 1] {
+            let mut some = vec![[0; 4]; rays];
+            on_level!(Level::new(), simd => tint::find(simd, (&row[..rays], cover), &pixels, first..rays, &mut some));
+            for n in first..rays {
+                let (own, mut one) = (pixels[(n * STEP).min(width - 1)], [[0; 4]]);
+                on_level!(Level::new(), simd => tint::find(simd, (&row[n..=n], cover), &[own], 0..1, &mut one));
+                assert_eq!(some[n], one[0], "{width} {first} {n}");
+            }
+            assert!(some[..first].iter().all(|gains| *gains == [0; 4]));
         }
     }
-    assert_eq!(gains[2], [ONE; 4], "no ink");
 }

@@ -4,7 +4,7 @@
 //! must be multiplied to have the ink's colour in that light. Gains are bilinear between four rays, so a pixel takes
 //! one multiplication a channel, whatever channel it is.
 
-use fearless_simd::{Simd, f32x16, i32x16, prelude::*, u8x16, u8x32, u16x8, u16x16};
+use fearless_simd::{Simd, f32x16, i16x32, i32x16, prelude::*, u8x16, u8x32, u8x64, u16x8, u16x32};
 
 use super::Cover;
 use super::field::Sum;
@@ -38,76 +38,107 @@ pub(super) fn find<S: Simd>(
         || {
             for first in columns.clone().step_by(LANES) {
                 let lanes = (columns.end - first).min(LANES);
-                let (mut ink, mut own) = ([[0.0f32; LANES]; 4], [[0.0f32; LANES]; 3]);
-                for lane in 0..lanes {
-                    let [column, pixel] = [first + lane, ((first + lane) * STEP).min(pixels.len() - 1)];
-                    for (to, from) in ink.iter_mut().zip(inks[column]) {
-                        to[lane] = f32::from(from);
+                let mut copy = [[0; 4]; LANES];
+                let inks = first_of(&inks[first..], &mut copy);
+                let mut own = [0; LANES];
+                let bytes = pixels.as_flattened().get(3 * STEP * first..).and_then(|bytes| bytes.first_chunk::<OWN>());
+                if let Some(bytes) = bytes {
+                    for (n, own) in own.iter_mut().enumerate() {
+                        let at = 3 * STEP * n;
+                        *own = i32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
                     }
-                    for (to, from) in own.iter_mut().zip(pixels[pixel]) {
-                        to[lane] = f32::from(from);
+                } else {
+                    for (n, own) in own.iter_mut().enumerate() {
+                        let [r, g, b] = pixels[((first + n) * STEP).min(pixels.len() - 1)];
+                        *own = i32::from_le_bytes([r, g, b, 0]);
                     }
                 }
-                let all = gains_of(simd, &ink, &own, cover);
-                for (lane, gains) in gains[first..first + lanes].iter_mut().enumerate() {
-                    *gains = [all[0][lane] as u16, all[1][lane] as u16, all[2][lane] as u16, ONE];
+                let all = gains_of(simd, inks, &own, cover);
+                if lanes == LANES {
+                    gains[first..first + LANES].copy_from_slice(&all);
+                } else {
+                    gains[first..first + lanes].copy_from_slice(&all[..lanes]);
                 }
             }
         },
     );
 }
 
-/// Returns the gains of sixteen rays.
+/// Bytes from the pixel of the first of the rays at once to that of the last, and one more.
+const OWN: usize = 3 * STEP * (LANES - 1) + 4;
+
+/// Returns the first rays of a row; in `copy` if there are less, and then what was there stands for the others.
 #[inline(always)]
-fn gains_of<S: Simd>(simd: S, ink: &[[f32; LANES]; 4], own: &[[f32; LANES]; 3], cover: Cover) -> [[i32; LANES]; 3] {
-    let load = f32x16::load_array_ref;
+fn first_of<'a, const N: usize>(row: &'a [[u16; 4]], copy: &'a mut [[u16; 4]; N]) -> &'a [[u16; 4]; N] {
+    // Most are not copied: a wide load soon after the narrow stores of a copy waits for them.
+    row.first_chunk().unwrap_or_else(|| {
+        copy[..row.len()].copy_from_slice(row);
+        copy
+    })
+}
+
+/// Returns the gains of sixteen rays. Each of their pixels is a number whose lowest three bytes are red, green and blue.
+#[inline(always)]
+fn gains_of<S: Simd>(simd: S, inks: &[Sum; LANES], own: &[i32; LANES], cover: Cover) -> [Gains; LANES] {
     let (one, usual) = (f32x16::splat(simd, 1.0), PALETTE[1]);
-    let all = load(simd, &ink[3]);
+    let half = |from: usize| -> i32x16<S> { u16x32::from_slice(simd, &inks.as_flattened()[from..from + 32]).bitcast() };
+    // Red and green of each ray, and blue and how much there is.
+    let (even, odd) = half(0).deinterleave(half(32));
+    let low = |both: i32x16<S>| -> f32x16<S> { (both & 0xffff).to_float() };
+    let high = |both: i32x16<S>| -> f32x16<S> { ((both >> 16) & 0xffff).to_float() };
+    let (ink, all) = ([low(even), high(even), low(odd)], high(odd));
+    let mut out = [[ONE; 4]; LANES];
+    if !all.simd_gt(0.0).any_true() {
+        return out;
+    }
     let covered = (all * (1.0 / cover.full_at)).min(one) * cover.most;
-    let own = [
-        load(simd, &own[0]) + USUAL * usual[0],
-        load(simd, &own[1]) + USUAL * usual[1],
-        load(simd, &own[2]) + USUAL * usual[2],
+    let pixels = i32x16::load_array_ref(simd, own);
+    let own: [f32x16<S>; 3] = [
+        (pixels & 255).to_float::<f32x16<S>>() + USUAL * usual[0],
+        (pixels >> 8 & 255).to_float::<f32x16<S>>() + USUAL * usual[1],
+        (pixels >> 16 & 255).to_float::<f32x16<S>>() + USUAL * usual[2],
     ];
     let light = covered * own[0].max(own[1]).max(own[2]) / all.max(one) * f32::from(ONE);
     let rest = (one - covered) * f32::from(ONE) + 0.5;
     let most = f32x16::splat(simd, f32::from(MOST));
-    let mut out = [[0; LANES]; 3];
-    for n in 0..3 {
-        let gain = rest + light * load(simd, &ink[n]) / own[n];
-        out[n] = gain.min(most).to_int::<i32x16<S>>().to_array();
-    }
+    let gain = |n: usize| -> i32x16<S> { (rest + light * ink[n] / own[n]).min(most).to_int() };
+    let (first, second) = (gain(0) | gain(1) << 16).interleave(gain(2) | i32::from(ONE) << 16);
+    let numbers = out.as_flattened_mut();
+    first.bitcast::<u16x32<S>>().store_slice(&mut numbers[..32]);
+    second.bitcast::<u16x32<S>>().store_slice(&mut numbers[32..]);
     out
 }
 
-/// For each byte of eight pixels, and eight more of the pixels after them: the bytes of its channel's gain, of the left ray and of the
-/// right one, which lie side by side in sixteen bytes.
-const CHANNELS: [[u8; 32]; 4] = {
-    let mut all = [[0; 32]; 4];
+/// Blocks between rays that are coloured at once: their bytes fill whole vectors.
+const BLOCKS: usize = 4;
+/// Their pixels across, and the bytes of these.
+const WIDE: usize = BLOCKS * STEP;
+const BYTES: usize = 3 * WIDE;
+/// For each of those bytes the two of its channel's gain, of the left ray and of the right one. Eight bytes that follow one another belong
+/// to one block, whose two rays have sixteen bytes of gains.
+const CHANNELS: [[[u8; 64]; 2]; 3] = {
+    let mut all = [[[0; 64]; 2]; 3];
     let mut n = 0;
-    while n < 32 {
-        // Beyond the eight pixels, anything: its weight is 0.
-        let c = (n % 3) as u8;
-        let (half, at) = (n / 16, n % 16);
-        all[half][2 * at] = 2 * c;
-        all[half][2 * at + 1] = 2 * c + 1;
-        all[2 + half][2 * at] = 8 + 2 * c;
-        all[2 + half][2 * at + 1] = 9 + 2 * c;
+    while n < BYTES {
+        let (vector, at, c) = (n / 32, 2 * (n % 32), (n % 3) as u8);
+        let mut side = 0;
+        while side < 2 {
+            all[vector][side][at] = 8 * side as u8 + 2 * c;
+            all[vector][side][at + 1] = 8 * side as u8 + 2 * c + 1;
+            side += 1;
+        }
         n += 1;
     }
     all
 };
-/// The weights of the left ray and of the right one, and what is added: a gain of 1 to bytes beyond the eight pixels.
-const WEIGHTS: [[u16; 32]; 3] = {
-    let mut all = [[0; 32]; 3];
+/// The weights of the left ray and of the right one; they add up to eight.
+const WEIGHTS: [[[u16; 32]; 2]; 3] = {
+    let mut all = [[[0; 32]; 2]; 3];
     let mut n = 0;
-    while n < 32 {
-        if n < 3 * STEP {
-            all[0][n] = (STEP - n / 3) as u16;
-            all[1][n] = (n / 3) as u16;
-        } else {
-            all[2][n] = STEP as u16 * ONE;
-        }
+    while n < BYTES {
+        let right = n / 3 % STEP;
+        all[n / 32][0][n % 32] = (STEP - right) as u16;
+        all[n / 32][1][n % 32] = right as u16;
         n += 1;
     }
     all
@@ -137,78 +168,78 @@ pub(super) fn band<S: Simd>(
                 (begin, end) = (begin.max(*from), end.min(*to));
             }
             let bytes = pixels.as_flattened_mut();
-            for column in first / STEP..last.div_ceil(STEP) {
-                let [top, low] = [above, below].map(|line| [line[column], line[column + 1]]);
+            for column in (first / STEP..last.div_ceil(STEP)).step_by(BLOCKS) {
+                let mut copies = [[[ONE; 4]; BLOCKS + 1]; 2];
+                let [copy, other] = &mut copies;
+                let (top, low) = (first_of(&above[column..], copy), first_of(&below[column..], other));
+                if top.iter().chain(low).all(|ray| *ray == [ONE; 4]) {
+                    continue;
+                }
                 let here = column * STEP;
-                let mut gains = across(simd, top);
-                let after = across(simd, low);
+                let (mut gains, after) = (across(simd, top), across(simd, low));
                 // To the next row; eight of these steps.
-                let change = [eighth(gains[0], after[0]), eighth(gains[1], after[1])];
-                // Whole blocks are written with the bytes after them, which stay as they are.
-                let is_whole = here >= begin && here + 11 <= end;
+                let change = [eighth(gains[0], after[0]), eighth(gains[1], after[1]), eighth(gains[2], after[2])];
+                let is_whole = here >= begin && here + WIDE <= end;
                 for (row, span) in bytes.chunks_exact_mut(3 * width).zip(spans) {
                     if is_whole {
-                        if let Some(bytes) = row[3 * here..].first_chunk_mut::<32>() {
+                        if let Some(bytes) = row[3 * here..].first_chunk_mut() {
                             multiply(simd, bytes, gains);
                         }
                     } else {
-                        let [from, to] = [span[0].max(here), span[1].min(here + STEP)];
+                        let [from, to] = [span[0].max(here), span[1].min(here + WIDE)];
                         if from < to {
-                            some(&mut row[3 * from..3 * to], 3 * (from - here), &all(gains));
+                            let (some, at) = (&mut row[3 * from..3 * to], 3 * (from - here));
+                            let mut all = [0; BYTES];
+                            all[at..at + some.len()].copy_from_slice(some);
+                            multiply(simd, &mut all, gains);
+                            some.copy_from_slice(&all[at..at + some.len()]);
                         }
                     }
-                    gains = [gains[0] + change[0], gains[1] + change[1]];
+                    gains = [gains[0] + change[0], gains[1] + change[1], gains[2] + change[2]];
                 }
             }
         },
     );
 }
 
-/// Returns eight times the gains for each byte of eight pixels from one ray to the next.
+/// Returns eight times the gains for each byte of the pixels between rays.
 #[inline(always)]
-fn across<S: Simd>(simd: S, [left, right]: [Gains; 2]) -> [u16x16<S>; 2] {
-    let mut both = [0; 8];
-    both[..4].copy_from_slice(&left);
-    both[4..].copy_from_slice(&right);
-    let both: u8x16<S> = u16x8::load_array_ref(simd, &both).bitcast();
-    let both: u8x32<S> = both.combine(both);
-    let pick =
-        |n: usize| -> u16x16<S> { both.swizzle_dyn_within_blocks(u8x32::load_array_ref(simd, &CHANNELS[n])).bitcast() };
-    let weight = |n: usize, half: usize| u16x16::from_slice(simd, &WEIGHTS[n][16 * half..16 * half + 16]);
+fn across<S: Simd>(simd: S, rays: &[Gains; BLOCKS + 1]) -> [u16x32<S>; 3] {
+    let rays = rays.as_flattened();
+    let pair = |n: usize| -> u8x16<S> { u16x8::from_slice(simd, &rays[4 * n..4 * n + 8]).bitcast() };
+    let [a, b, c, d] = [pair(0), pair(1), pair(2), pair(3)];
+    let between = |n: usize, rays: u8x64<S>| -> u16x32<S> {
+        let pick = |side: usize| -> u16x32<S> {
+            rays.swizzle_dyn_within_blocks(u8x64::load_array_ref(simd, &CHANNELS[n][side])).bitcast()
+        };
+        let weight = |side: usize| u16x32::load_array_ref(simd, &WEIGHTS[n][side]);
+        pick(0) * weight(0) + pick(1) * weight(1)
+    };
+    // Three times eight bytes for each block.
     [
-        pick(0) * weight(0, 0) + pick(2) * weight(1, 0) + weight(2, 0),
-        pick(1) * weight(0, 1) + pick(3) * weight(1, 1) + weight(2, 1),
+        between(0, a.combine(a).combine(a.combine(b))),
+        between(1, b.combine(b).combine(c.combine(c))),
+        between(2, c.combine(d).combine(d.combine(d))),
     ]
 }
 
 /// Returns an eighth of the change from `a` to `b`, as a number that may wrap round.
 #[inline(always)]
-fn eighth<S: Simd>(a: u16x16<S>, b: u16x16<S>) -> u16x16<S> {
-    let change: fearless_simd::i16x16<S> = (b - a).bitcast();
+fn eighth<S: Simd>(a: u16x32<S>, b: u16x32<S>) -> u16x32<S> {
+    let change: i16x32<S> = (b - a).bitcast();
     (change >> 3).bitcast()
-}
-
-#[inline(always)]
-fn all<S: Simd>(gains: [u16x16<S>; 2]) -> [u16; 32] {
-    let mut out = [0; 32];
-    out[..16].copy_from_slice(gains[0].as_slice());
-    out[16..].copy_from_slice(gains[1].as_slice());
-    out
 }
 
 /// Multiplies bytes with eighths of gains.
 #[inline(always)]
-fn multiply<S: Simd>(simd: S, bytes: &mut [u8; 32], gains: [u16x16<S>; 2]) {
-    let (low, high) = u8x32::load_array_ref(simd, bytes).widen();
-    let low = (low * (gains[0] >> COARSE)) >> BITS;
-    let high = (high * (gains[1] >> COARSE)) >> BITS;
-    *bytes = low.saturating_narrow(high).to_array();
-}
-
-/// Like [`multiply`], for the bytes from `first` on.
-#[inline(never)]
-fn some(bytes: &mut [u8], first: usize, gains: &[u16; 32]) {
-    for (byte, gain) in bytes.iter_mut().zip(&gains[first..]) {
-        *byte = ((u16::from(*byte) * (gain >> COARSE)) >> BITS).min(255) as u8;
-    }
+fn multiply<S: Simd>(simd: S, bytes: &mut [u8; BYTES], gains: [u16x32<S>; 3]) {
+    let (most, rest) = bytes.split_at_mut(64);
+    let (a, b) = u8x64::from_slice(simd, most).widen();
+    let (c, d) = u8x32::from_slice(simd, rest).widen();
+    let a = (a * (gains[0] >> COARSE)) >> BITS;
+    let b = (b * (gains[1] >> COARSE)) >> BITS;
+    let c: u16x32<S> = (c.combine(d) * (gains[2] >> COARSE)) >> BITS;
+    let (c, d) = c.split();
+    a.saturating_narrow(b).store_slice(most);
+    c.saturating_narrow(d).store_slice(rest);
 }
