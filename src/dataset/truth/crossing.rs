@@ -1,9 +1,11 @@
 //! Where the rays of a view cross the wall.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::progress::Progress;
+use crate::render::leap::Crossings;
 use crate::render::{self, View};
 use crate::space::PreparedVolume;
 use crate::space::ray::trilinear;
@@ -37,14 +39,35 @@ impl Crossing {
 ///
 /// # Errors
 /// Returns status 4 if interrupted.
-pub(super) fn crossings(volume: &PreparedVolume, view: &View, progress: &Progress) -> Result<Vec<Option<Crossing>>> {
-    let mut out = vec![None; view.width() * view.height()];
-    render::crossings(volume, view, &mut out, progress, |hit| {
-        let (ray, mm) = hit?;
+pub(super) fn crossings(
+    volume: &PreparedVolume,
+    rays: &Crossings<'_>,
+    view: &View,
+    progress: &Progress,
+) -> Result<Vec<Option<Crossing>>> {
+    let width = view.width();
+    let mut out = vec![None; width * view.height()];
+    let eye = rays.from(view.position());
+    let cross = |x: usize, y: usize| {
+        let ray = view.ray(x, y)?;
+        let is_eye = ray.origin == view.position();
+        let mm = if is_eye { eye.first(ray.direction) } else { rays.first(ray.origin, ray.direction) }?;
         let normal = render::normal_at(volume, ray, mm)?;
         let place = ray.origin + ray.direction * mm;
         let smooth = smooth(volume, place).filter(|n| n.dot(ray.direction) < 0.0).unwrap_or(normal);
         Some(Crossing { mm, place, normal, smooth })
+    };
+    out.par_chunks_mut(SIDE * width).enumerate().try_for_each(|(band, out)| {
+        progress.check()?;
+        // Neighbouring rays visit the same voxels while they are in the cache.
+        for left in (0..width).step_by(SIDE) {
+            for y in 0..out.len() / width {
+                for x in left..(left + SIDE).min(width) {
+                    out[y * width + x] = cross(x, band * SIDE + y);
+                }
+            }
+        }
+        Ok(())
     })?;
     Ok(out)
 }

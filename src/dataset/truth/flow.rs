@@ -7,8 +7,7 @@ use super::crossing::{Crossing, SIDE};
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::render::View;
-use crate::space::PreparedVolume;
-use crate::space::ray::Bundle;
+use crate::render::leap::Crossings;
 
 /// Something lies before the point in the other frame, or its wall is seen from behind there.
 pub const HIDDEN: u8 = 1;
@@ -22,8 +21,8 @@ const SAME_MM: f64 = 0.01;
 /// The frame before or after.
 #[derive(Clone, Copy)]
 pub struct Neighbour<'a> {
-    /// The scan at its moment.
-    pub volume: &'a PreparedVolume,
+    /// Rays through the scan at its moment.
+    pub rays: &'a Crossings<'a>,
     /// Its camera and pixels.
     pub view: &'a View,
     /// Where a point of the frame is at its moment, world, mm; where it was if nothing moves.
@@ -47,12 +46,11 @@ pub(super) fn measure(
     flow.resize(found.len(), [f32::NAN; 2]);
     unseen.resize(found.len(), OUTSIDE);
     let Some(to) = neighbour else { return Ok(()) };
+    let eye = to.rays.from(to.view.position());
     let bands = flow.par_chunks_mut(SIDE * width).zip(unseen.par_chunks_mut(SIDE * width));
     bands.zip(found.par_chunks(SIDE * width)).enumerate().try_for_each(|(band, ((flow, unseen), found))| {
         progress.check()?;
-        let mut rays: Vec<(usize, DVec3, f64)> = Vec::with_capacity(SIDE * SIDE);
         for left in (0..width).step_by(SIDE) {
-            rays.clear();
             for y in 0..found.len() / width {
                 for x in left..(left + SIDE).min(width) {
                     let n = y * width + x;
@@ -76,14 +74,9 @@ pub(super) fn measure(
                         unseen[n] = HIDDEN;
                         continue;
                     }
-                    rays.push((n, way / mm, mm));
+                    let met = eye.first(way / mm);
+                    unseen[n] = if met.is_none_or(|met| met >= mm - SAME_MM) { 0 } else { HIDDEN };
                 }
-            }
-            let from = to.view.position();
-            let bundle = Bundle::new(to.volume, rays.iter().map(|r| (from, r.1)));
-            for &(n, direction, mm) in &rays {
-                let is_seen = bundle.first_crossing((from, direction)).is_none_or(|met| met >= mm - SAME_MM);
-                unseen[n] = if is_seen { 0 } else { HIDDEN };
             }
         }
         Ok(())

@@ -7,6 +7,8 @@ mod along;
 mod crossing;
 mod flow;
 mod lattice;
+#[cfg(test)]
+mod tests;
 
 use std::time::{Duration, Instant};
 
@@ -21,6 +23,7 @@ pub use lattice::Lattice;
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::render::View;
+use crate::render::leap::Crossings;
 use crate::space::PreparedVolume;
 use crossing::{SIDE, crossings};
 
@@ -79,6 +82,8 @@ pub trait Labeller: Sync {
 pub struct Subject<'a> {
     /// The scan at the moment of the frame.
     pub volume: &'a PreparedVolume,
+    /// Rays through it.
+    pub rays: &'a Crossings<'a>,
     /// The camera and its pixels.
     pub view: &'a View,
     /// The frames before and after, if there are any.
@@ -135,7 +140,7 @@ impl Truth {
     pub fn measure(&mut self, subject: Subject<'_>, kinds: &[Kind], progress: &Progress) -> Result<()> {
         let has = |kind| kinds.contains(&kind);
         let begun = Instant::now();
-        let found = crossings(subject.volume, subject.view, progress)?;
+        let found = crossings(subject.volume, subject.rays, subject.view, progress)?;
         let (view, eye) = (subject.view, subject.view.position());
         fill(&mut self.depth, has(Kind::Depth), &found, |_, c| c.map_or(f32::INFINITY, |c| c.mm as f32));
         fill(&mut self.z, has(Kind::Z), &found, |_, c| {

@@ -25,6 +25,7 @@ use super::truth::{Kind, Labeller, Neighbour, Rings, Subject, Times, Truth};
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::render::View;
+use crate::render::leap::Crossings;
 use crate::space::PreparedVolume;
 use shots::{Taken, is_there};
 
@@ -85,6 +86,7 @@ pub fn write(source: &Source<'_>, layout: &dyn Layout, folder: &Path, progress: 
     let Some(part) = Part::begin(folder, &source.identity())? else {
         return Ok(Written { frames: source.count, ..Written::default() });
     };
+    let rays = Crossings::new(source.volume, progress)?;
     progress.stage("measuring frames", source.count as u64);
     let mut written = Written { frames: source.count, ..Written::default() };
     let files = Mutex::new(Ok(Duration::ZERO));
@@ -94,7 +96,7 @@ pub fn write(source: &Source<'_>, layout: &dyn Layout, folder: &Path, progress: 
         for _ in 0..WRITERS {
             scope.spawn(|| save(&receive, part.path(), layout, &files));
         }
-        let taken = take_all(source, layout, part.path(), &files, &send, &mut written, progress);
+        let taken = take_all((source, &rays), layout, part.path(), &files, &send, &mut written, progress);
         // The threads end when there is no sender left.
         drop(send);
         taken
@@ -103,7 +105,7 @@ pub fn write(source: &Source<'_>, layout: &dyn Layout, folder: &Path, progress: 
     shot?;
     progress.stage("finishing", 0);
     let frames = (0..source.count).map(|n| source.entry(n)).collect::<Result<Vec<Entry>>>()?;
-    let points = points(source, layout, progress)?;
+    let points = points((source, &rays), layout, progress)?;
     let size = if source.count > 0 { (source.views)(0)?.0 } else { return Ok(written) };
     let index = Index {
         camera: &source.camera,
@@ -135,7 +137,7 @@ impl Source<'_> {
 
 /// Measures the frames that are not there, in order, and hands them to those who write.
 fn take_all(
-    source: &Source<'_>,
+    (source, rays): (&Source<'_>, &Crossings<'_>),
     layout: &dyn Layout,
     folder: &Path,
     files: &Mutex<Result<Duration>>,
@@ -155,9 +157,9 @@ fn take_all(
                 [n.checked_sub(1).map(near).transpose()?, (n + 1 < source.count).then(|| near(n + 1)).transpose()?];
             let subject = Subject {
                 volume: source.volume,
+                rays,
                 view: &view,
-                neighbours: [0, 1]
-                    .map(|k| around[k].as_ref().map(|view| Neighbour { volume: source.volume, view, moved: None })),
+                neighbours: [0, 1].map(|k| around[k].as_ref().map(|view| Neighbour { rays, view, moved: None })),
                 rings: source.rings.as_ref(),
                 labeller: source.labeller,
             };
@@ -195,7 +197,11 @@ fn save(frames: &Mutex<Receiver<Taken>>, folder: &Path, layout: &dyn Layout, fil
 }
 
 /// Returns points of the wall that several frames see, as many as the layout wants.
-fn points(source: &Source<'_>, layout: &dyn Layout, progress: &Progress) -> Result<Vec<Point>> {
+fn points(
+    (source, rays): (&Source<'_>, &Crossings<'_>),
+    layout: &dyn Layout,
+    progress: &Progress,
+) -> Result<Vec<Point>> {
     let wanted = layout.points();
     if wanted == 0 {
         return Ok(Vec::new());
@@ -210,13 +216,13 @@ fn points(source: &Source<'_>, layout: &dyn Layout, progress: &Progress) -> Resu
             for column in 0..(width as f64 / step) as usize {
                 let (x, y) = (((column as f64 + 0.5) * step) as usize, ((row as f64 + 0.5) * step) as usize);
                 let Some(ray) = view.ray(x, y) else { continue };
-                let met = crate::space::first_crossing(source.volume, ray.origin, ray.direction, f64::INFINITY);
+                let met = rays.first(ray.origin, ray.direction);
                 let Some(mm) = met.filter(|mm| *mm > 0.0) else { continue };
                 let place = ray.origin + ray.direction * mm;
                 let mut seen = vec![(n, [x as f64 + 0.5, y as f64 + 0.5])];
                 for other in (n.saturating_sub(REACH)..(n + REACH + 1).min(source.count)).filter(|o| *o != n) {
                     let (view, _) = (source.views)(other)?;
-                    seen.extend(sees(source.volume, &view, place).map(|at| (other, at)));
+                    seen.extend(sees(rays, &view, place).map(|at| (other, at)));
                 }
                 seen.sort_by_key(|s| s.0);
                 if seen.len() > 1 {
@@ -234,11 +240,11 @@ fn points(source: &Source<'_>, layout: &dyn Layout, progress: &Progress) -> Resu
 const REACH: usize = 3;
 
 /// Returns where a view sees a point of the wall, pixels from the top left corner; `None` if it does not.
-fn sees(volume: &PreparedVolume, view: &View, place: DVec3) -> Option<[f64; 2]> {
+fn sees(rays: &Crossings<'_>, view: &View, place: DVec3) -> Option<[f64; 2]> {
     let at @ [u, v] = view.project(place)?;
     let inside = (0.0..view.width() as f64).contains(&u) && (0.0..view.height() as f64).contains(&v);
     let way = place - view.position();
-    let met = crate::space::first_crossing(volume, view.position(), way, f64::INFINITY);
+    let met = rays.first(view.position(), way.normalize_or_zero());
     (inside && view.ray_at(u, v).is_some() && met.is_none_or(|mm| mm >= way.length() - 0.01)).then_some(at)
 }
 

@@ -18,7 +18,7 @@ use super::prepared_volume::PreparedVolume;
 
 /// How far below the wall a value may be and still count as touching it, HU. This is above the rounding of the cubics
 /// and far below anything visible.
-const TOUCH: f64 = 1e-9;
+pub(crate) const TOUCH: f64 = 1e-9;
 
 /// Returns the trilinear HU at a `world` point (mm, LPS). Outside the volume is air, mixed with the border voxels within one voxel.
 pub fn value(volume: &PreparedVolume, world: DVec3) -> f32 {
@@ -222,6 +222,7 @@ pub(crate) fn clip(dims: [usize; 3], from: DVec3, along: DVec3) -> Option<(f64, 
 }
 
 /// A ray walking through the cells −1 … n − 1 of each axis.
+#[derive(Clone, Copy)]
 struct Walk<'a> {
     volume: &'a PreparedVolume,
     iso: f64,
@@ -311,7 +312,39 @@ impl<'a> Walk<'a> {
         let length = (until - t).max(0.0);
         let enter = self.from + self.along * t - DVec3::new(base[0] as f64, base[1] as f64, base[2] as f64);
         let [d, c, b, a] = Cell::new(corners).along(enter, self.along * length);
-        first_root([d - self.iso, c, b, a]).map(|s| t + s * length)
+        let d = d - self.iso;
+        // The cubic stays within the hull of its Bernstein coefficients: most cells that hold wall are passed beside it.
+        let (low, high) = (d + c * (1.0 / 3.0), d + (2.0 * c + b) * (1.0 / 3.0));
+        if d.max(low).max(high).max(d + c + b + a) < -BESIDE {
+            return None;
+        }
+        first_root([d, c, b, a]).map(|s| t + s * length)
+    }
+}
+
+/// A ray that stays this far below the wall's value throughout a cell does not touch it there, HU: far above rounding.
+const BESIDE: f64 = 1e-6;
+
+/// A ray for those who know which cells to look into.
+#[derive(Clone, Copy)]
+pub(crate) struct Segment<'a>(Walk<'a>);
+
+impl<'a> Segment<'a> {
+    /// Creates the ray `from + t · along` (voxel coordinates).
+    pub(crate) fn new(volume: &'a PreparedVolume, from: DVec3, along: DVec3) -> Self {
+        Self(Walk::new(volume, from, along))
+    }
+
+    /// Returns −1, 0 or 1: the direction in which it passes cells along an axis.
+    #[inline(always)]
+    pub(crate) fn step(&self, axis: usize) -> i64 {
+        self.0.step[axis]
+    }
+
+    /// Returns the first crossing within a cell, between the distances `t` and `until` of its entry and exit, mm.
+    #[inline(always)]
+    pub(crate) fn cross(&self, cell: [i64; 3], t: f64, until: f64) -> Option<f64> {
+        self.0.cross(cell, t, until)
     }
 }
 

@@ -7,6 +7,7 @@
 pub(crate) mod bricks;
 pub(crate) mod chessboard;
 pub(crate) mod chosen;
+pub(crate) mod crossings;
 pub(crate) mod voxels;
 
 use glam::Vec3;
@@ -17,6 +18,7 @@ use crate::space::flags::BRICK_SHIFT;
 
 pub use bricks::{BrickLeap, BrickWalls};
 pub use chosen::Leaper;
+pub use crossings::{Crossings, RaysFrom};
 pub use voxels::{VoxelLeap, VoxelWalls};
 
 /// Positions are computed in f32, so reported clearances are this much less than the known ones, voxels.
