@@ -20,6 +20,7 @@ use crate::cli::messages::{failed, print};
 use crate::cli::shared::Shared;
 use crate::cli::values::{bytes, count, number, plane, seconds, seed, seed_range, series, shard, slab, steps, threads};
 use crate::dataset::layout;
+use crate::dataset::paths::PathKind;
 use crate::dataset::truth::Kind;
 use crate::error::{Error, program_name, set_program_name};
 use crate::fields::CenterlineMethod;
@@ -660,6 +661,10 @@ pub struct DatasetArgs {
     /// Poses of the pictures instead of a flight, as JSON
     #[arg(long, value_name = "P.json")]
     pub poses: Option<PathBuf>,
+    /// A path along the centerline instead of a flight: an unsteady hand, one that looks at the wall, a withdrawal, or in and out with parts
+    /// gone over again
+    #[arg(long, value_name = "PATH", value_parser = PathKind::ALL.map(PathKind::name))]
+    pub path: Option<String>,
     /// Kinds of ground truth [default: all]
     #[arg(long, value_name = "KIND,...", value_delimiter = ',', value_parser = Kind::ALL.map(Kind::name))]
     pub truth: Vec<String>,
@@ -699,7 +704,7 @@ pub struct DatasetArgs {
     /// Write the time of each part as JSON
     #[arg(long, value_name = "F.json")]
     pub stats: Option<PathBuf>,
-    /// Chooses the pictures' noise [default: 1]
+    /// Chooses the pictures' noise and the sway of --path [default: 1]
     #[arg(long, value_name = "N")]
     pub noise_seed: Option<u64>,
 }

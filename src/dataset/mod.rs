@@ -7,5 +7,6 @@
 pub mod camera;
 pub mod layout;
 pub mod look;
+pub mod paths;
 pub mod truth;
 pub mod writing;

@@ -104,7 +104,7 @@ fn one(
 }
 
 /// Returns the measure along the colon; `None` if there is no colon.
-fn along(scan: &mut Scan, progress: &Progress) -> Result<Option<Arc<crate::fields::Along>>> {
+pub(super) fn along(scan: &mut Scan, progress: &Progress) -> Result<Option<Arc<crate::fields::Along>>> {
     let lumen = match scan.lumen() {
         Ok(lumen) => lumen,
         Err(e) if e.kind == Status::Incomplete => {
@@ -137,6 +137,7 @@ fn command(args: &DatasetArgs, global: &Global, seed: Option<u64>) -> String {
     line.extend(seed.map(|seed| format!("--phantoms {seed}..{seed}")));
     line.extend(global.seed.filter(|_| seed.is_none()).map(|seed| format!("--seed {seed}")));
     line.push(format!("--layout {}", args.layout));
+    line.extend(args.path.as_ref().map(|p| format!("--path {p}")));
     line.extend(args.poses.as_deref().map(|p| format!("--poses {}", name(p))));
     line.extend(args.play.as_deref().map(|p| format!("--play {}", name(p))));
     line.extend(args.replay.as_deref().map(|p| format!("--replay {}", name(p))));

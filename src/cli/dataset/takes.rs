@@ -13,8 +13,11 @@ use crate::cli::{Program, fly, prepare};
 use crate::components::flight::State;
 use crate::components::output::LogLine;
 use crate::dataset::camera::Intrinsics;
+use crate::dataset::paths::{Course, PathKind};
 use crate::dynamics::STEP_HZ;
 use crate::error::{Error, Result};
+use crate::fields::ClearanceFinder;
+use crate::fields::frames::{evenly, frames};
 use crate::progress::Progress;
 use crate::render::{Camera, CameraModel, View};
 use crate::space;
@@ -23,6 +26,9 @@ use crate::space;
 const MOST_S: f64 = 600.0;
 /// Frames a second unless asked otherwise.
 const FPS: f64 = 30.0;
+
+/// A path keeps to where the wall is at least so far from the centerline, mm.
+const LEAST_ROOM_MM: f64 = 2.0;
 
 /// A pose, and when it is taken, s.
 #[derive(Clone, Copy)]
@@ -47,9 +53,14 @@ pub(super) fn check(args: &DatasetArgs) -> Result<()> {
     if args.phantoms.is_some() && args.input.is_some() {
         return Err(Error::usage("--phantoms", "takes the place of a scan", "leave one of them out"));
     }
-    if args.poses.is_some() && (args.play.is_some() || args.replay.is_some() || args.guide.is_some()) {
-        let why = "are the places of the pictures: there is no flight";
-        return Err(Error::usage("--poses", why, "leave the flight's options out"));
+    if args.path.is_some() && args.poses.is_some() {
+        return Err(Error::usage("--path", "takes the place of poses", "leave one of them out"));
+    }
+    if (args.poses.is_some() || args.path.is_some())
+        && (args.play.is_some() || args.replay.is_some() || args.guide.is_some())
+    {
+        let (option, why) = (if args.poses.is_some() { "--poses" } else { "--path" }, "takes the place of a flight");
+        return Err(Error::usage(option, why, "leave the flight's options out"));
     }
     fly::check(&args.flight())
 }
@@ -80,7 +91,10 @@ impl Takes {
                     Take { seconds: n as f64 / fps, position, forward, up }
                 })
                 .collect(),
-            None => flown(program, (args, global), scan, fps, progress)?,
+            None => match args.path.as_deref().and_then(PathKind::named) {
+                Some(kind) => made(args, kind, scan, fps, progress)?,
+                None => flown(program, (args, global), scan, fps, progress)?,
+            },
         };
         if takes.is_empty() {
             return Err(Error::usage("dataset", "has no pose", "give poses, or a longer flight"));
@@ -134,6 +148,33 @@ impl Takes {
         }
         hash.finalize().iter().map(|b| format!("{b:02x}")).collect()
     }
+}
+
+/// Makes a path along the centerline of a scan. Fails with status 4 if there is none, or none that is wide enough.
+fn made(args: &DatasetArgs, kind: PathKind, scan: &mut Scan, fps: f64, progress: &Progress) -> Result<Vec<Take>> {
+    let why = "has no centerline that a camera could follow";
+    let none = || Error::incomplete("--path", why, "give --poses, or fly");
+    let along = super::along(scan, progress)?.ok_or_else(none)?;
+    let (points, _) = evenly(&along.only_line().ok_or_else(none)?.points);
+    let iso = scan.volume().transfer().iso() as f32;
+    let clearance = ClearanceFinder::new(scan.volume().shared_voxels(), iso, 40.0);
+    let room: Vec<f64> = points.iter().map(|p| clearance.at(*p).mm).collect();
+    // The longest part without anything that is collapsed.
+    let (mut best, mut first) = (0..0, 0);
+    for n in 0..=room.len() {
+        if room.get(n).is_none_or(|mm| *mm < LEAST_ROOM_MM) {
+            if n - first > best.len() {
+                best = first..n;
+            }
+            first = n + 1;
+        }
+    }
+    let course = Course { frames: frames(&points[best.clone()]), room_mm: room[best].to_vec() };
+    let path = course.path(kind, fps, args.noise_seed.unwrap_or(1));
+    let most = args.seconds.map_or(path.len(), |s| (s * fps).ceil() as usize);
+    let take =
+        |(n, [position, forward, up]): (usize, [DVec3; 3])| Take { seconds: n as f64 / fps, position, forward, up };
+    Ok(path.into_iter().take(most).enumerate().map(take).collect())
 }
 
 /// Flies, and returns where the camera is at each frame.
