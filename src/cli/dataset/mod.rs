@@ -18,11 +18,13 @@ use crate::dataset::look::Look;
 use crate::dataset::truth::{Kind, Rings};
 use crate::dataset::writing::{Source, Written, write};
 use crate::error::{Error, Kind as Status, Result, program_name};
+use crate::fields::lumen::Interior;
 use crate::host::terminal::Bar;
 use crate::output;
 use crate::phantom::{Phantom, PhantomSettings};
 use crate::progress::Progress;
 use crate::render::Preset;
+use crate::surface::LumenMesh;
 use crate::volume::content_hash;
 use labels::Labels;
 use takes::Takes;
@@ -69,6 +71,7 @@ fn one(
     let has_place = kinds.iter().any(|k| matches!(k, Kind::Along | Kind::Labels));
     // Without a line there are no places in the colon: the pictures have the rest of the truth all the same.
     let along = if has_place { along(&mut scan, progress)? } else { None };
+    let wall = along.as_ref().map(|_| wall(&mut scan, progress)).transpose()?;
     let labels = Labels::new(phantom, &scan, along.as_deref());
     let count = takes.poses.len();
     let source = Source {
@@ -78,6 +81,7 @@ fn one(
         fps: takes.fps,
         camera: takes.camera.clone(),
         rings: along.as_ref().and_then(|a| Rings::new(a, scan.volume().voxels().grid())),
+        wall,
         labeller: Some(&labels),
         names: [labels.names(), labels.parts()],
         kinds: kinds.to_vec(),
@@ -115,6 +119,14 @@ pub(super) fn along(scan: &mut Scan, progress: &Progress) -> Result<Option<Arc<c
         Err(e) => return Err(e),
     };
     lumen.along(scan.volume().voxels(), progress).map(Some)
+}
+
+/// Returns the wall of the colon as a mesh.
+fn wall(scan: &mut Scan, progress: &Progress) -> Result<LumenMesh> {
+    let lumen = scan.lumen()?;
+    let iso = scan.volume().transfer().iso();
+    let interior = Interior::of_lumen(scan.volume().voxels(), &lumen, iso, progress)?;
+    Ok(LumenMesh::new(&interior, progress)?.without_islands().0)
 }
 
 fn kinds(args: &DatasetArgs) -> Vec<Kind> {

@@ -7,6 +7,7 @@
 mod part;
 mod readme;
 mod shots;
+mod wall;
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -27,6 +28,7 @@ use crate::progress::Progress;
 use crate::render::View;
 use crate::render::leap::Crossings;
 use crate::space::PreparedVolume;
+use crate::surface::LumenMesh;
 use shots::{Taken, is_there};
 
 /// Threads that write files.
@@ -46,6 +48,8 @@ pub struct Source<'a> {
     pub camera: Intrinsics,
     /// The line of the colon.
     pub rings: Option<Rings>,
+    /// The wall.
+    pub wall: Option<LumenMesh>,
     /// What the wall belongs to.
     pub labeller: Option<&'a dyn Labeller>,
     /// The names of the labels' numbers, and those of the parts.
@@ -115,6 +119,9 @@ pub fn write(source: &Source<'_>, layout: &dyn Layout, folder: &Path, progress: 
         frames: &frames,
         points: &points,
     };
+    if let Some(mesh) = &source.wall {
+        wall::write((source, &rays), mesh, part.path(), progress)?;
+    }
     part.finish(source, layout, &index, progress)?;
     written.whole = begun.elapsed();
     Ok(written)

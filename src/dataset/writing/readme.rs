@@ -31,6 +31,8 @@ pub(super) fn text(source: &Source<'_>, layout: &dyn Layout, index: &Index<'_>) 
         text += of_kind(*kind);
     }
     text += "- `centerline.csv`: the centerline, if there is one: distance along it (mm) and points (mm).\n\
+             - `wall.ply`: the wall as a mesh, if there is a colon (mm, LPS, normals into the tissue), with the first frame that sees each face \
+             (65535: none); `coverage.csv`: the share of its area seen up to each frame.\n\
              - `dataset.json`: all settings.\n\n";
     for (title, names) in [("Labels", &source.names[0]), ("Parts", &source.names[1])] {
         if index.kinds.contains(&Kind::Labels) && !names.is_empty() {
