@@ -66,6 +66,27 @@ impl Intrinsics {
         let [cx, cy] = size.map(|n| 0.5 * n as f64 - 0.5);
         Self::Fisheye { fx: f, fy: f, cx, cy, k: [0.0; 4] }
     }
+
+    /// Returns what messages call it.
+    pub fn told(&self) -> String {
+        match self {
+            Self::Perspective { .. } => "a pinhole camera".into(),
+            Self::Fisheye { .. } => "a fisheye camera".into(),
+            Self::Scaramuzza { .. } => "a camera of Scaramuzza's model".into(),
+            Self::Panorama => "a panorama".into(),
+            Self::Other { name } => format!("the camera {name}"),
+        }
+    }
+
+    /// Returns the focal lengths, the principal point, and the coefficients of Kannala and Brandt's model, none for a pinhole camera.
+    /// The first pixel's centre is at (`first`, `first`). `None` for other cameras.
+    pub fn central(&self, first: f64) -> Option<([f64; 4], Option<[f64; 4]>)> {
+        match *self {
+            Self::Perspective { fx, fy, cx, cy } => Some(([fx, fy, cx + first, cy + first], None)),
+            Self::Fisheye { fx, fy, cx, cy, k } => Some(([fx, fy, cx + first, cy + first], Some(k))),
+            _ => None,
+        }
+    }
 }
 
 /// A camera's pose with the axes of computer vision: x to the right, y down, z forward.

@@ -15,6 +15,7 @@ mod cleanse;
 mod command_line;
 mod commands;
 mod dataset;
+mod dataset_layouts;
 mod doors;
 mod examples;
 mod extremes;

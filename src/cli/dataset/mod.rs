@@ -1,6 +1,7 @@
 //! `colvis dataset`.
 
 mod labels;
+mod lens;
 mod takes;
 
 use std::path::Path;
@@ -34,6 +35,8 @@ use takes::Takes;
 pub(crate) fn run(program: &Program, args: &DatasetArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     let (kinds, layout) = (kinds(args), layout(&args.layout)?);
     takes::check(args)?;
+    // A camera without a place in the layout is told before a scan is read.
+    layout.layout(&lens::intrinsics(program, args, global)?)?;
     let bar = Bar::show(progress);
     let jobs: Vec<(Option<u64>, std::path::PathBuf)> = match args.phantoms {
         None => vec![(None, args.out.clone())],

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use sha2::{Digest, Sha256};
 
+use super::lens;
 use crate::app::{FlightApp, Scan};
 use crate::cli::args::{DatasetArgs, Global, ImageSize};
 use crate::cli::messages::say;
@@ -100,18 +101,7 @@ impl Takes {
             return Err(Error::usage("dataset", "has no pose", "give poses, or a longer flight"));
         }
         let probe = Self { poses: takes, fps, camera: Intrinsics::Panorama, lens, size };
-        let (view, _) = probe.view(0)?;
-        let camera = match (poses.camera.as_ref().filter(|c| c.is_object()), model.name) {
-            (Some(value), _) => {
-                serde_json::from_value(value.clone()).unwrap_or(Intrinsics::Other { name: "poses".into() })
-            }
-            (None, "fisheye") => {
-                let fov = global.fov.or(poses.fov_degrees).unwrap_or(90.0);
-                Intrinsics::of_equidistant(fov, [size.width, size.height])
-            }
-            (None, "panorama") => Intrinsics::Panorama,
-            (None, name) => Intrinsics::of_perspective(&view).unwrap_or(Intrinsics::Other { name: name.into() }),
-        };
+        let camera = lens::of(&poses, model, global, (&probe.lens, size))?;
         // Every pose is one before any work is done.
         let (volume, iso) = (scan.volume(), scan.volume().transfer().iso());
         for n in 0..probe.poses.len() {
@@ -197,7 +187,8 @@ fn flown(
     let seconds = args.seconds.unwrap_or(most);
     progress.stage("flying", 0);
     let mut log: Vec<LogLine> = Vec::new();
-    while (flight.clock().seconds()) < seconds {
+    // A rest that is less than half a step is none.
+    while ((seconds - flight.clock().seconds()) * f64::from(STEP_HZ)).round() >= 1.0 {
         progress.check()?;
         let left = seconds - flight.clock().seconds();
         let state = flight.fly(left.min(1.0))?;

@@ -3,13 +3,17 @@
 //! Every layout keeps the ground truth as it is measured in `truth/`, a folder for each kind. What differs is where the pictures lie,
 //! which other files of a frame a program expects, and the lists.
 
+mod colmap;
+mod nerfstudio;
 mod own;
+mod tum;
+mod vslam_lab;
 
 use std::fmt::Debug;
 
 use super::camera::{Intrinsics, VisionPose};
 use super::truth::{Crossing, Kind, Truth};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::render::View;
 
 /// A layout, by its name.
@@ -19,12 +23,14 @@ pub struct LayoutModel {
     pub name: &'static str,
     /// A one-sentence description for users.
     pub summary: &'static str,
-    /// Makes it. Fails with status 2 if it has no place for the camera.
-    pub make: fn(&Intrinsics) -> Result<Box<dyn Layout>>,
+    /// True if its files have a place for the camera.
+    pub holds: fn(&Intrinsics) -> bool,
+    /// Creates it, for a camera that it holds.
+    pub make: fn(&Intrinsics) -> Box<dyn Layout>,
 }
 
 /// Every layout of this crate.
-pub const BUILT_IN: [LayoutModel; 1] = [own::MODEL];
+pub const BUILT_IN: [LayoutModel; 5] = [own::MODEL, tum::MODEL, colmap::MODEL, nerfstudio::MODEL, vslam_lab::MODEL];
 
 impl LayoutModel {
     /// Returns the layout of that name.
@@ -35,10 +41,15 @@ impl LayoutModel {
     /// Creates the layout for a camera.
     ///
     /// # Errors
-    /// Returns status 2 if it has no place for that.
+    /// Returns status 2 if it has no place for that, and names the layouts that have.
     pub fn layout(&self, camera: &Intrinsics) -> Result<Box<dyn Layout>> {
-        let make = self.make;
-        make(camera)
+        let (holds, make) = (self.holds, self.make);
+        if holds(camera) {
+            return Ok(make(camera));
+        }
+        let others: Vec<&str> = BUILT_IN.iter().filter(|m| (m.holds)(camera)).map(|m| m.name).collect();
+        let why = format!("has no place for {}", camera.told());
+        Err(Error::usage(format!("--layout {}", self.name), why, format!("give --layout {}", others.join(" or "))))
     }
 }
 
@@ -59,8 +70,17 @@ impl Shot<'_> {
     /// Returns the depth along the camera's axis in steps of `step_mm`, 16 bits, row by row; 0 where there is no wall or it is too far.
     pub fn z16(&self, step_mm: f64) -> Vec<u16> {
         let (eye, forward) = (self.view.position(), self.view.forward());
+        self.depth16(step_mm, |c| (c.place - eye).dot(forward))
+    }
+
+    /// Returns the distance along each pixel's ray in the same way.
+    pub fn ray16(&self, step_mm: f64) -> Vec<u16> {
+        self.depth16(step_mm, |c| c.mm)
+    }
+
+    fn depth16(&self, step_mm: f64, mm: impl Fn(&Crossing) -> f64) -> Vec<u16> {
         let steps = |c: &Crossing| {
-            let steps = ((c.place - eye).dot(forward) / step_mm).round();
+            let steps = (mm(c) / step_mm).round();
             if (1.0..65536.0).contains(&steps) { steps as u16 } else { 0 }
         };
         self.truth.crossings.iter().map(|c| c.as_ref().map_or(0, steps)).collect()
@@ -100,7 +120,7 @@ pub struct Index<'a> {
 pub struct Point {
     /// World, mm.
     pub place: glam::DVec3,
-    /// 8-bit red, green and blue where it was first seen.
+    /// 8-bit red, green and blue of the pixel where it is first seen.
     pub colour: [u8; 3],
     /// The frame's number, and the place in its picture, pixels from the top left corner.
     pub seen: Vec<(usize, [f64; 2])>,
@@ -145,4 +165,11 @@ pub(crate) fn lines(head: &str, frames: &[Entry], line: impl Fn(&Entry) -> Strin
         text.push('\n');
     }
     text
+}
+
+/// Returns a pose as TUM writes it: position in metres, rotation as a quaternion x, y, z, w, from the camera to the world.
+fn metres(pose: &VisionPose, between: &str) -> String {
+    let place = (pose.position * 1e-3).to_array().map(|m| format!("{m:.9}"));
+    let turn = pose.quaternion().map(|q| format!("{q:.12}"));
+    [&place[..], &turn[..]].concat().join(between)
 }

@@ -8,7 +8,8 @@ use super::{Index, Layout, LayoutModel, lines};
 pub(super) const MODEL: LayoutModel = LayoutModel {
     name: "colvis",
     summary: "pictures in rgb/, poses.csv and camera.json, mm",
-    make: |_| Ok(Box::new(Own)),
+    holds: |_| true,
+    make: |_| Box::new(Own),
 };
 
 struct Own;

@@ -5,6 +5,7 @@
 //! short goes on where it was: frames whose files are there are not measured again. Nothing depends on when, so the bytes are the same.
 
 mod part;
+mod points;
 mod readme;
 mod shots;
 mod wall;
@@ -14,13 +15,10 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use glam::DVec3;
-use rayon::prelude::*;
-
 pub use part::Part;
 
 use super::camera::{Intrinsics, VisionPose};
-use super::layout::{Entry, Index, Layout, Point};
+use super::layout::{Entry, Index, Layout};
 use super::look::Look;
 use super::truth::{Kind, Labeller, Neighbour, Rings, Subject, Times, Truth};
 use crate::error::Result;
@@ -109,7 +107,7 @@ pub fn write(source: &Source<'_>, layout: &dyn Layout, folder: &Path, progress: 
     shot?;
     progress.stage("finishing", 0);
     let frames = (0..source.count).map(|n| source.entry(n)).collect::<Result<Vec<Entry>>>()?;
-    let points = points((source, &rays), layout, progress)?;
+    let points = points::find((source, &rays), layout, part.path(), progress)?;
     let size = if source.count > 0 { (source.views)(0)?.0 } else { return Ok(written) };
     let index = Index {
         camera: &source.camera,
@@ -201,58 +199,6 @@ fn save(frames: &Mutex<Receiver<Taken>>, folder: &Path, layout: &dyn Layout, fil
             (Err(_), _) => {}
         }
     }
-}
-
-/// Returns points of the wall that several frames see, as many as the layout wants.
-fn points(
-    (source, rays): (&Source<'_>, &Crossings<'_>),
-    layout: &dyn Layout,
-    progress: &Progress,
-) -> Result<Vec<Point>> {
-    let wanted = layout.points();
-    if wanted == 0 {
-        return Ok(Vec::new());
-    }
-    let each = |n: usize| -> Result<Vec<Point>> {
-        progress.check()?;
-        let (view, _) = (source.views)(n)?;
-        let (width, height) = (view.width(), view.height());
-        let step = ((width * height) as f64 / wanted as f64).sqrt().max(1.0);
-        let mut found = Vec::new();
-        for row in 0..(height as f64 / step) as usize {
-            for column in 0..(width as f64 / step) as usize {
-                let (x, y) = (((column as f64 + 0.5) * step) as usize, ((row as f64 + 0.5) * step) as usize);
-                let Some(ray) = view.ray(x, y) else { continue };
-                let met = rays.first(ray.origin, ray.direction);
-                let Some(mm) = met.filter(|mm| *mm > 0.0) else { continue };
-                let place = ray.origin + ray.direction * mm;
-                let mut seen = vec![(n, [x as f64 + 0.5, y as f64 + 0.5])];
-                for other in (n.saturating_sub(REACH)..(n + REACH + 1).min(source.count)).filter(|o| *o != n) {
-                    let (view, _) = (source.views)(other)?;
-                    seen.extend(sees(rays, &view, place).map(|at| (other, at)));
-                }
-                seen.sort_by_key(|s| s.0);
-                if seen.len() > 1 {
-                    found.push(Point { place, colour: [200, 110, 90], seen });
-                }
-            }
-        }
-        Ok(found)
-    };
-    let all: Vec<Vec<Point>> = (0..source.count).into_par_iter().map(each).collect::<Result<_>>()?;
-    Ok(all.into_iter().flatten().collect())
-}
-
-/// A point is looked for in so many frames before and after.
-const REACH: usize = 3;
-
-/// Returns where a view sees a point of the wall, pixels from the top left corner; `None` if it does not.
-fn sees(rays: &Crossings<'_>, view: &View, place: DVec3) -> Option<[f64; 2]> {
-    let at @ [u, v] = view.project(place)?;
-    let inside = (0.0..view.width() as f64).contains(&u) && (0.0..view.height() as f64).contains(&v);
-    let way = place - view.position();
-    let met = rays.first(view.position(), way.normalize_or_zero());
-    (inside && view.ray_at(u, v).is_some() && met.is_none_or(|mm| mm >= way.length() - 0.01)).then_some(at)
 }
 
 impl std::ops::AddAssign for Times {
