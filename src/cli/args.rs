@@ -704,7 +704,28 @@ pub struct DatasetArgs {
     /// Write the time of each part as JSON
     #[arg(long, value_name = "F.json")]
     pub stats: Option<PathBuf>,
-    /// Chooses the pictures' noise and the sway of --path [default: 1]
+    /// How much the mucosa's colour varies, and its vessels
+    #[arg(long, value_name = "HOW", value_parser = ["off", "mild", "strong"], default_value = "mild")]
+    pub mucosa: String,
+    /// Lamps beside the lens, 1 or 2
+    #[arg(long, value_name = "N", default_value_t = 2)]
+    pub lights: usize,
+    /// Let the wall cast shadows, which takes some more time
+    #[arg(long)]
+    pub shadows: bool,
+    /// What light is multiplied with, or auto to choose it for each picture
+    #[arg(long, value_name = "X", default_value = "auto", allow_hyphen_values = true)]
+    pub exposure: String,
+    /// Gamma of the pictures, 1 to 3
+    #[arg(long, value_name = "G", default_value_t = 2.2, allow_hyphen_values = true)]
+    pub gamma: f64,
+    /// Noise of the pictures: 0 for none, 1 as usual, at most 100
+    #[arg(long, value_name = "N", default_value_t = 1.0, allow_hyphen_values = true)]
+    pub noise: f64,
+    /// Write linear light as OpenEXR and the wall's colour beside the pictures
+    #[arg(long)]
+    pub linear: bool,
+    /// Chooses the pictures' noise, the mucosa's vessels and the sway of --path [default: --seed, or 1]
     #[arg(long, value_name = "N")]
     pub noise_seed: Option<u64>,
 }

@@ -50,7 +50,7 @@ const READ: [&str; 39] = [
     "report truth",
 ];
 /// Options with a text that is no file.
-const NO_FILE: [&str; 5] = ["overlay", "patient", "date", "description", "only"];
+const NO_FILE: [&str; 6] = ["exposure", "overlay", "patient", "date", "description", "only"];
 
 /// True if an option's value is a file: a path, or a text without a list to choose from.
 fn is_file(arg: &Arg) -> bool {

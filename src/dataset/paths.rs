@@ -20,12 +20,12 @@ pub enum PathKind {
     /// From the cecum, looking back to it: a withdrawal.
     Retreat,
     /// To the cecum and back, going over parts again on both ways.
-    Revisit,
+    Again,
 }
 
 impl PathKind {
     /// Every kind.
-    pub const ALL: [Self; 4] = [Self::Jitter, Self::Wall, Self::Retreat, Self::Revisit];
+    pub const ALL: [Self; 4] = [Self::Jitter, Self::Wall, Self::Retreat, Self::Again];
 
     /// Returns its name on the command line.
     pub const fn name(self) -> &'static str {
@@ -33,7 +33,7 @@ impl PathKind {
             Self::Jitter => "jitter",
             Self::Wall => "wall",
             Self::Retreat => "retreat",
-            Self::Revisit => "revisit",
+            Self::Again => "again",
         }
     }
 
@@ -107,7 +107,7 @@ impl Course {
         match kind {
             PathKind::Jitter | PathKind::Wall => forth().map(|mm| (mm, false)).collect(),
             PathKind::Retreat => forth().rev().map(|mm| (mm, false)).collect(),
-            PathKind::Revisit => {
+            PathKind::Again => {
                 let [forward, back] = FORTH_AND_BACK_MM;
                 let (mut out, mut mm, mut turned, mut is_back) = (Vec::new(), ENDS_MM, ENDS_MM, false);
                 while mm < last {
@@ -172,6 +172,7 @@ mod tests {
 
     #[test]
     fn paths_are_smooth_and_keep_to_their_room() {
+        assert!(course(3).path(PathKind::Jitter, 30.0, 1).is_empty());
         let course = course(400);
         for kind in PathKind::ALL {
             assert_eq!(PathKind::named(kind.name()), Some(kind));
@@ -179,7 +180,7 @@ mod tests {
             assert_eq!(path, course.path(kind, 30.0, 3));
             assert_ne!(path, course.path(kind, 30.0, 4), "{kind:?}");
             let length: f64 = path.windows(2).map(|w| w[0][0].distance(w[1][0])).sum();
-            assert!(length > if kind == PathKind::Revisit { 1500.0 } else { 700.0 }, "{kind:?}: {length}");
+            assert!(length > if kind == PathKind::Again { 1500.0 } else { 700.0 }, "{kind:?}: {length}");
             for pair in path.windows(2) {
                 // At the cecum the gaze of the one that goes back turns round between two frames.
                 let moved = pair[0][0].distance(pair[1][0]);
@@ -198,6 +199,5 @@ mod tests {
         };
         assert!(ahead(PathKind::Jitter) > 0.7 && ahead(PathKind::Retreat) < -0.7);
         assert!(course.path(PathKind::Jitter, f64::NAN, 1).is_empty());
-        assert!(self::tests::course(3).path(PathKind::Jitter, 30.0, 1).is_empty());
     }
 }

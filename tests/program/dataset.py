@@ -3,6 +3,7 @@
 import csv
 import hashlib
 import json
+import struct
 import sys
 from pathlib import Path
 
@@ -25,8 +26,34 @@ judge(f"checksums name other files: {named ^ there}", named == there)
 for digest, name in sums:
     judge(f"{name} has another checksum", hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest)
 
+
+def exr(path):
+    """Reads the channels of floats that are not compressed: OpenEXR File Layout."""
+    data = path.read_bytes()
+    judge(f"{path} begins wrongly", data[:8] == bytes([0x76, 0x2F, 0x31, 1, 2, 0, 0, 0]))
+    at, head = 8, {}
+    while data[at]:
+        name, kind, rest = data[at:].split(b"\0", 2)
+        size = struct.unpack("<I", rest[:4])[0]
+        head[name.decode()] = rest[4 : 4 + size]
+        at += len(name) + len(kind) + 6 + size
+    # A name, its end, and 16 bytes for each channel.
+    names, left = [], head["channels"]
+    while left[0]:
+        name, left = left.split(b"\0", 1)
+        judge(f"{path}: {name} is not of floats", left[0] == 2)
+        names, left = [*names, name.decode()], left[16:]
+    x0, y0, x1, y1 = struct.unpack("<4i", head["dataWindow"])
+    wide, high = x1 - x0 + 1, y1 - y0 + 1
+    offsets = struct.unpack(f"<{high}Q", data[at + 1 : at + 1 + 8 * high])
+    rows = [np.frombuffer(data, "<f4", wide * len(names), o + 8).reshape(len(names), wide) for o in offsets]
+    return dict(zip(names, np.stack(rows, 1)))
+
+
 told = json.loads((folder / "camera.json").read_text())
 camera, width, height = told["camera"], told["width"], told["height"]
+look = json.loads((folder / "dataset.json").read_text())["look"]
+exposures = {int(row["frame"]): float(row["exposure"]) for row in csv.DictReader((folder / "exposure.csv").open())}
 poses = []
 for row in csv.DictReader((folder / "poses.csv").open()):
     x, y, z, w = (float(row[k]) for k in ("qx", "qy", "qz", "qw"))
@@ -130,11 +157,25 @@ for n, (eye, turn) in enumerate(poses):
         seen_all, hidden_all = seen_all + (flat & (state == 0)).sum(), hidden_all + (flat & (state == 1)).sum()
         seen_wrong += (flat & (state == 0) & (far > there + room)).sum()
         hidden_wrong += (flat & (state == 1) & (far < there - room)).sum()
+    if (folder / "linear").is_dir():
+        light = exr(folder / "linear" / f"{n:06}.exr")
+        linear = np.stack([light[c] for c in "RGB"], -1)
+        picture = np.asarray(Image.open(folder / "rgb" / f"{n:06}.png")).astype(float)
+        judge(f"{n}: linear light where there is no wall", (linear[~hit] == 0).all() and (linear[hit] >= 0).all())
+        back = lambda number: np.clip(number / 255, 0, None) ** look["sensor"]["gamma"] / exposures[n]
+        room = 1e-6 * linear
+        is_back = (linear >= back(picture - 0.501) - room) & ((linear <= back(picture + 0.501) + room) | (picture == 255))
+        judge(f"{n}: {(~is_back).sum()} numbers of the picture do not give linear light back", is_back.all())
+        # Pillow keeps 8 of the 16 bits.
+        albedo = np.asarray(Image.open(folder / "albedo" / f"{n:06}.png")).astype(float) / 255
+        fallen = (linear - light["gloss"][..., None])[hit] / albedo[hit]
+        judge(f"{n}: colours are lit differently", (np.ptp(fallen, axis=-1) <= 0.06 * fallen.max(-1) + 1e-7).mean() > 0.99)
     labels = np.asarray(Image.open(folder / "truth/labels" / f"{n:06}.png"))
     judge(f"{n}: labels", ((labels > 0) == hit).mean() > 0.999)
     along = load("along", n)
     judge(f"{n}: places in the colon", np.isfinite(along[hit]).mean() > 0.95 and (np.abs(along[..., 2][np.isfinite(along[..., 2])]) <= 3.1416).all())
 errors, steps = np.concatenate(errors), np.concatenate(steps)
+judge(f"{len(exposures)} exposures", sorted(exposures) == list(range(len(poses))) and min(exposures.values()) > 0)
 judge(f"flow errs by up to {errors.max():.4f} px", errors.max() <= 0.02)
 judge(f"depth to the next frame errs by {np.median(steps):.4f} mm in the median", np.median(steps) <= 0.05)
 judge(f"{seen_wrong} of {seen_all} are seen and hidden", seen_wrong <= 1e-3 * seen_all)

@@ -67,6 +67,7 @@ fn truth_holds_by_code_that_shares_nothing_with_ours() {
     let room = Room::new();
     judged(&room.flown("pinhole", &[]));
     judged(&room.flown("wide", &["--camera", "fisheye", "--fov", "170"]));
+    judged(&room.flown("linear", &["--linear", "--noise", "0", "--mucosa", "strong", "--gamma", "2", "--lights", "1"]));
     // A calibrated fisheye, off its middle, at places of a flight.
     let poses = fs::read_to_string(room.at("pinhole/poses.csv")).unwrap();
     let poses: Vec<Value> = poses
@@ -106,7 +107,18 @@ fn the_bytes_are_the_same_on_any_number_of_threads_and_after_a_run_was_cut_short
         }
     }
     fs::write(part.join("truth/depth/000002.npy"), b"half").unwrap();
-    assert!(whole == flown("again", "2"));
+    // Exposures are kept by themselves until all are there.
+    let exposures = String::from_utf8(whole[Path::new("exposure.csv")].clone()).unwrap();
+    fs::create_dir_all(part.join("exposure")).unwrap();
+    for line in exposures.lines().skip(1).take(2) {
+        let (n, factor) = line.split_once(',').unwrap();
+        fs::write(part.join(format!("exposure/{:06}.txt", n.parse::<usize>().unwrap())), factor).unwrap();
+    }
+    let stats = room.at("stats.json");
+    let again = room.flown("again", &[&kinds[..], &["--stats", &stats]].concat());
+    assert!(whole == bytes(&again));
+    let stats: Value = serde_json::from_slice(&fs::read(&stats).unwrap()).unwrap();
+    assert_eq!(stats["datasets"][0]["measured"], whole.keys().filter(|n| n.starts_with("rgb")).count() - 2);
     assert!(!part.exists());
     // Once more does nothing; another dataset is refused there, and leaves it as it is.
     assert!(whole == flown("again", "2"));
@@ -148,6 +160,13 @@ fn what_makes_no_dataset_is_told_and_leaves_no_folder() {
         (&["--layout", "mine"], 2),
         (&["--truth", "depth,colour"], 2),
         (&["--phantoms", "5..2"], 2),
+        (&["--mucosa", "blue"], 2),
+        (&["--lights", "3"], 2),
+        (&["--exposure", "0"], 2),
+        (&["--exposure", "bright"], 2),
+        (&["--gamma", "0.5"], 2),
+        (&["--noise", "-1"], 2),
+        (&["--noise", "nan"], 2),
         (&["--seconds", "0"], 2),
         (&["--fps", "1e9"], 2),
         (&["--poses", &none, "--guide", "path"], 2),

@@ -2,6 +2,7 @@
 
 mod labels;
 mod lens;
+mod look;
 mod takes;
 
 use std::path::Path;
@@ -37,6 +38,7 @@ pub(crate) fn run(program: &Program, args: &DatasetArgs, global: &Global, progre
     takes::check(args)?;
     // A camera without a place in the layout is told before a scan is read.
     layout.layout(&lens::intrinsics(program, args, global)?)?;
+    let look = look::of(args)?;
     let bar = Bar::show(progress);
     let jobs: Vec<(Option<u64>, std::path::PathBuf)> = match args.phantoms {
         None => vec![(None, args.out.clone())],
@@ -49,7 +51,7 @@ pub(crate) fn run(program: &Program, args: &DatasetArgs, global: &Global, progre
     }
     let mut all = Vec::new();
     for (seed, folder) in jobs {
-        all.push((folder.clone(), one(program, (args, global), (seed, &folder), (&kinds, layout), progress)?));
+        all.push((folder.clone(), one(program, (args, global), (seed, &folder), (&kinds, layout, &look), progress)?));
     }
     drop(bar);
     for (folder, written) in &all {
@@ -63,7 +65,7 @@ fn one(
     program: &Program,
     (args, global): (&DatasetArgs, &Global),
     (seed, folder): (Option<u64>, &Path),
-    (kinds, model): (&[Kind], LayoutModel),
+    (kinds, model, look): (&[Kind], LayoutModel, &Look),
     progress: &Arc<Progress>,
 ) -> Result<Written> {
     let global = &Global { seed: seed.or(global.seed), ..global.clone() };
@@ -88,8 +90,8 @@ fn one(
         labeller: Some(&labels),
         names: [labels.names(), labels.parts()],
         kinds: kinds.to_vec(),
-        look: Look::default(),
-        seed: args.noise_seed.unwrap_or(1),
+        look: look.clone(),
+        seed: args.noise_seed.or(global.seed).unwrap_or(1),
         told: json!({
             "version": env!("CARGO_PKG_VERSION"),
             "command": command(args, global, seed),
@@ -163,6 +165,7 @@ fn command(args: &DatasetArgs, global: &Global, seed: Option<u64>) -> String {
     line.extend(global.camera.as_ref().map(|c| format!("--camera {c}")));
     line.extend(global.fov.map(|f| format!("--fov {f}")));
     line.extend((!args.truth.is_empty()).then(|| format!("--truth {}", args.truth.join(","))));
+    line.extend(look::options(args));
     line.push("--out DIR/".to_owned());
     line.join(" ")
 }

@@ -93,7 +93,7 @@ impl Takes {
                 })
                 .collect(),
             None => match args.path.as_deref().and_then(PathKind::named) {
-                Some(kind) => made(args, kind, scan, fps, progress)?,
+                Some(kind) => made((args, global.seed), kind, scan, fps, progress)?,
                 None => flown(program, (args, global), scan, fps, progress)?,
             },
         };
@@ -141,7 +141,13 @@ impl Takes {
 }
 
 /// Makes a path along the centerline of a scan. Fails with status 4 if there is none, or none that is wide enough.
-fn made(args: &DatasetArgs, kind: PathKind, scan: &mut Scan, fps: f64, progress: &Progress) -> Result<Vec<Take>> {
+fn made(
+    (args, seed): (&DatasetArgs, Option<u64>),
+    kind: PathKind,
+    scan: &mut Scan,
+    fps: f64,
+    progress: &Progress,
+) -> Result<Vec<Take>> {
     let why = "has no centerline that a camera could follow";
     let none = || Error::incomplete("--path", why, "give --poses, or fly");
     let along = super::along(scan, progress)?.ok_or_else(none)?;
@@ -160,7 +166,7 @@ fn made(args: &DatasetArgs, kind: PathKind, scan: &mut Scan, fps: f64, progress:
         }
     }
     let course = Course { frames: frames(&points[best.clone()]), room_mm: room[best].to_vec() };
-    let path = course.path(kind, fps, args.noise_seed.unwrap_or(1));
+    let path = course.path(kind, fps, args.noise_seed.or(seed).unwrap_or(1));
     let most = args.seconds.map_or(path.len(), |s| (s * fps).ceil() as usize);
     let take =
         |(n, [position, forward, up]): (usize, [DVec3; 3])| Take { seconds: n as f64 / fps, position, forward, up };

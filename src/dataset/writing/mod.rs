@@ -4,6 +4,7 @@
 //! not at all. When all are there, the lists, the README and the checksums are added, and the folder gets its name. A run that was cut
 //! short goes on where it was: frames whose files are there are not measured again. Nothing depends on when, so the bytes are the same.
 
+mod exr;
 mod part;
 mod points;
 mod readme;
@@ -19,7 +20,7 @@ pub use part::Part;
 
 use super::camera::{Intrinsics, VisionPose};
 use super::layout::{Entry, Index, Layout};
-use super::look::Look;
+use super::look::{Look, Painter};
 use super::truth::{Kind, Labeller, Neighbour, Rings, Subject, Times, Truth};
 use crate::error::Result;
 use crate::progress::Progress;
@@ -27,7 +28,7 @@ use crate::render::View;
 use crate::render::leap::Crossings;
 use crate::space::PreparedVolume;
 use crate::surface::LumenMesh;
-use shots::{Taken, is_there};
+use shots::{Taken, is_there, kept};
 
 /// Threads that write files.
 const WRITERS: usize = 2;
@@ -56,7 +57,7 @@ pub struct Source<'a> {
     pub kinds: Vec<Kind>,
     /// How the pictures look.
     pub look: Look,
-    /// Chooses the noise.
+    /// Chooses the noise and the mucosa's colour.
     pub seed: u64,
     /// What identifies the dataset beside the above: the command, the version, and the scan's hash.
     pub told: serde_json::Value,
@@ -150,13 +151,14 @@ fn take_all(
     written: &mut Written,
     progress: &Progress,
 ) -> Result<()> {
+    let painter = Painter::new(&source.look, source.seed);
     for n in 0..source.count {
         progress.check()?;
         if files.lock().unwrap_or_else(PoisonError::into_inner).is_err() {
             return Ok(());
         }
         let (view, seconds) = (source.views)(n)?;
-        if !is_there(folder, layout, &source.kinds, n, seconds) {
+        if !is_there(folder, layout, source, (n, seconds)) {
             let near = |n: usize| (source.views)(n).map(|v| v.0);
             let around =
                 [n.checked_sub(1).map(near).transpose()?, (n + 1 < source.count).then(|| near(n + 1)).transpose()?];
@@ -171,11 +173,12 @@ fn take_all(
             let mut truth = Truth::default();
             truth.measure(subject, &source.kinds, progress)?;
             let begun = Instant::now();
-            let picture = source.look.draw(&view, &truth.crossings, source.seed, n as u64);
+            let picture = painter.draw(source.volume, &view, &truth.crossings, n as u64);
             written.look += begun.elapsed();
             written.truth += truth.times;
             written.measured += 1;
-            if send.send(Taken { n, seconds, view, truth, picture }).is_err() {
+            let kept = kept(&source.look, n);
+            if send.send(Taken { n, seconds, view, truth, picture, kept }).is_err() {
                 return Ok(());
             }
         }

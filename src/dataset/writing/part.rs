@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
+use super::shots::{EXPOSURES, exposure};
 use super::{Source, path, readme};
 use crate::dataset::layout::{Index, Layout};
 use crate::error::{Error, Result};
@@ -88,6 +89,15 @@ impl Part {
             let line = rings.points().map(|(mm, f)| format!("{mm},{},{},{}\n", f.at.x, f.at.y, f.at.z));
             write("centerline.csv", &line.fold("along_mm,x_mm,y_mm,z_mm\n".to_owned(), |all, l| all + &l))?;
         }
+        let mut exposures = "frame,exposure\n".to_owned();
+        for frame in index.frames {
+            let file = path(&self.path, &exposure(frame.n));
+            let factor = fs::read_to_string(&file).map_err(|e| output::cannot(&file, e))?;
+            exposures += &format!("{},{factor}\n", frame.n);
+        }
+        write("exposure.csv", &exposures)?;
+        let folder = path(&self.path, EXPOSURES);
+        fs::remove_dir_all(&folder).map_err(|e| output::cannot(&folder, e))?;
         let mut files = Vec::new();
         list(&self.path, &self.path, &mut files)?;
         files.retain(|name| name != SUMS);

@@ -2,6 +2,7 @@
 
 use super::Source;
 use crate::dataset::layout::{Index, Layout};
+use crate::dataset::look::{BASE, Look, Mucosa, Sensor};
 use crate::dataset::truth::Kind;
 
 /// Returns the text.
@@ -30,6 +31,15 @@ pub(super) fn text(source: &Source<'_>, layout: &dyn Layout, index: &Index<'_>) 
     for kind in index.kinds {
         text += of_kind(*kind);
     }
+    text += "- `exposure.csv`: what the linear light of each frame is multiplied with (below).\n";
+    if source.look.linear {
+        text += "- `linear/N.exr`: float32, linear light before exposure and noise, 1/mm²: R, G, B, and gloss, which each of them has more \
+                 than the wall scatters.\n";
+    }
+    if source.look.linear && source.look.mucosa != Mucosa::Off {
+        text += "- `albedo/N.png`: 16 bits, the wall's colour, linear: the share of red, green and blue light that it scatters, times 65535; 0 \
+                 where there is no wall.\n";
+    }
     text += "- `centerline.csv`: the centerline, if there is one: distance along it (mm) and points (mm).\n\
              - `wall.ply`: the wall as a mesh, if there is a colon (mm, LPS, normals into the tissue), with the first frame that sees each face \
              (65535: none); `coverage.csv`: the share of its area seen up to each frame.\n\
@@ -40,14 +50,44 @@ pub(super) fn text(source: &Source<'_>, layout: &dyn Layout, index: &Index<'_>) 
             text += &format!("{title}: {}.\n\n", list.join(", "));
         }
     }
-    text += &format!(
+    text + &of_pictures(&source.look)
+}
+
+/// Tells how the pictures came to be, so that they can be inverted.
+fn of_pictures(look: &Look) -> String {
+    let Sensor { gamma, shot, read, exposure } = &look.sensor;
+    let lamps = look.lights_mm.iter().map(|[x, y]| format!("{x} mm to the right of the lens and {y} mm above it"));
+    let colour = match look.mucosa {
+        Mucosa::Off => format!("{BASE:?} (red, green, blue) everywhere"),
+        _ => {
+            "fixed to the wall: patches, vessels, and residue where the scan has 150 HU or more 1.5 mm behind the wall"
+                .to_owned()
+        }
+    };
+    format!(
         "## The pictures\n\n\
-         Linear light of a wall that scatters evenly, with gloss, lit by lamps beside the lens whose light falls with 1/r² and the angle \
-         from their axis; times the frame's exposure, plus noise, to the power of 1/{}, 8 bits. Settings: `{}`.\n",
-        source.look.sensor.gamma,
-        serde_json::to_string(&source.look).unwrap_or_default(),
-    );
-    text
+         The light of a pixel is `L = a · E + g`: the wall's colour `a` ({colour}), the light `E` that falls on it, and gloss `g`. Each of the \
+         {} lamps adds `1/{} · cos(n, l) · cos(f, −l)^{} / r²` to `E` if both cosines are positive: `r` is the distance from the lamp to the \
+         wall, mm, `l` the direction from the wall to it, `n` the smooth normal (that of `truth/shading`), `f` the camera's axis. The lamps \
+         are {}. {} Gloss is Blinn and Phong's, of reflectance {} and power {}, on a surface with bumps of mucus that nothing else shows. \
+         Light that goes from wall to wall is left out.\n\n\
+         A picture's numbers are `255 · min(x, 1)^(1/{gamma})`, rounded, with `x = L · exposure + noise`. The exposure ({}) is in \
+         `exposure.csv`. The noise is normal, each pixel and colour by itself, with variance `{shot}² · min(L · exposure, 1) + {read}²`. All \
+         pixels are read at once. Where no number is 255 and there is no noise, `L = (number / 255)^{gamma} / exposure`.\n\n\
+         Settings: `{}`.\n",
+        look.lights_mm.len(),
+        look.lights_mm.len(),
+        look.cone,
+        lamps.collect::<Vec<_>>().join(", and "),
+        if look.shadows { "The wall casts shadows." } else { "There are no shadows." },
+        look.gloss,
+        look.polish,
+        exposure.map_or(
+            "chosen for each frame, so that 90 % of the lit pixels have less than 0.8 of red".to_owned(),
+            |x| format!("always {x}")
+        ),
+        serde_json::to_string(look).unwrap_or_default(),
+    )
 }
 
 fn of_kind(kind: Kind) -> &'static str {

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use super::path;
+use super::{Source, exr, path};
 use crate::dataset::layout::{Content, Layout, Shot};
-use crate::dataset::look::Picture;
+use crate::dataset::look::{Look, Mucosa, Picture};
 use crate::dataset::truth::{Kind, Truth};
 use crate::error::Result;
 use crate::output::{self, png};
@@ -17,6 +17,8 @@ pub(super) struct Taken {
     pub view: View,
     pub truth: Truth,
     pub picture: Picture,
+    /// The files of the picture's light, from [`kept`].
+    pub kept: Vec<String>,
 }
 
 /// Returns the names of a kind's files of a frame.
@@ -32,10 +34,26 @@ pub(super) fn names(kind: Kind, n: usize) -> Vec<String> {
     }
 }
 
+/// Where the exposures of frames are kept until all are there.
+pub(super) const EXPOSURES: &str = "exposure";
+
+/// Returns the name of the file that keeps a frame's exposure.
+pub(super) fn exposure(n: usize) -> String {
+    format!("{EXPOSURES}/{n:06}.txt")
+}
+
+/// Returns the names of the files that a look keeps of a frame beside its picture.
+pub(super) fn kept(look: &Look, n: usize) -> Vec<String> {
+    let all = [(true, "linear", "exr"), (look.mucosa != Mucosa::Off, "albedo", "png")];
+    let all = all.into_iter().filter(|(is_kept, ..)| *is_kept && look.linear);
+    all.map(|(_, folder, end)| format!("{folder}/{n:06}.{end}")).collect()
+}
+
 /// True if a frame was written. Its picture is its last file.
-pub(super) fn is_there(folder: &Path, layout: &dyn Layout, kinds: &[Kind], n: usize, seconds: f64) -> bool {
-    let truth = kinds.iter().flat_map(|kind| names(*kind, n));
-    truth.chain([layout.picture(n, seconds)]).all(|name| path(folder, &name).is_file())
+pub(super) fn is_there(folder: &Path, layout: &dyn Layout, source: &Source<'_>, (n, seconds): (usize, f64)) -> bool {
+    let truth = source.kinds.iter().flat_map(|kind| names(*kind, n));
+    let look = kept(&source.look, n).into_iter().chain([exposure(n), layout.picture(n, seconds)]);
+    truth.chain(look).all(|name| path(folder, &name).is_file())
 }
 
 impl Taken {
@@ -80,14 +98,42 @@ impl Taken {
         for (name, content) in layout.files(&shot) {
             let file = whole(folder, &name)?;
             match content {
-                Content::Grey16(values) => output::write_whole(&file, |w| png::encode16(w, &values, size))?,
+                Content::Grey16(values) => {
+                    output::write_whole(&file, |w| png::encode16(w, &values, size, png::ColorType::Grayscale))?;
+                }
                 Content::Text(text) => output::write_whole(&file, |w| w.write_all(text.as_bytes()))?,
             }
         }
+        self.save_light(folder, size)?;
         let file = whole(folder, &layout.picture(self.n, self.seconds))?;
         output::write_whole(&file, |w| {
             png::encode(w, self.picture.shown.as_flattened(), size, png::ColorType::Rgb, png::Compression::Fast)
         })
+    }
+}
+
+/// What linear light is, in its files.
+const LIGHT: &str = "R, G, B: linear light that the wall sends to the lens, 1/mm2, before exposure and noise; gloss: what of each is gloss";
+
+impl Taken {
+    /// Writes the picture's exposure, and its linear light and the wall's colour if they are kept.
+    fn save_light(&self, folder: &Path, size: [usize; 2]) -> Result<()> {
+        let Picture { exposure: factor, linear, gloss, albedo, .. } = &self.picture;
+        let text = factor.to_string();
+        output::write_whole(&whole(folder, &exposure(self.n))?, |w| w.write_all(text.as_bytes()))?;
+        let values = linear.as_flattened();
+        for name in &self.kept {
+            let file = whole(folder, name)?;
+            if name.ends_with(".exr") {
+                let channels = [("B", values, 3, 2), ("G", values, 3, 1), ("R", values, 3, 0), ("gloss", gloss, 1, 0)];
+                output::write_whole(&file, |w| exr::encode(w, &channels, size, LIGHT))?;
+            } else {
+                let steps: Vec<u16> =
+                    albedo.as_flattened().iter().map(|a| (65_535.0 * a.clamp(0.0, 1.0)).round() as u16).collect();
+                output::write_whole(&file, |w| png::encode16(w, &steps, size, png::ColorType::Rgb))?;
+            }
+        }
+        Ok(())
     }
 }
 

@@ -37,17 +37,17 @@ pub fn encode(
     writer.finish().map_err(failed)
 }
 
-/// Encodes grey samples of 16 bits, row by row from the top. `size` is the width and the height, pixels.
+/// Encodes samples of 16 bits, row by row from the top. `size` is the width and the height, pixels.
 ///
 /// # Errors
 /// As [`encode`].
-pub fn encode16(to: &mut dyn Write, samples: &[u16], [width, height]: [usize; 2]) -> io::Result<()> {
+pub fn encode16(to: &mut dyn Write, samples: &[u16], [width, height]: [usize; 2], color: ColorType) -> io::Result<()> {
     let failed = |e| match e {
         EncodingError::IoError(e) => e,
         e => io::Error::other(e),
     };
     let mut encoder = Encoder::new(to, width as u32, height as u32);
-    encoder.set_color(ColorType::Grayscale);
+    encoder.set_color(color);
     encoder.set_depth(BitDepth::Sixteen);
     encoder.set_compression(Compression::Fast);
     encoder.set_filter(Filter::Adaptive);
