@@ -320,6 +320,32 @@ impl<'a> Walk<'a> {
         }
         first_root([d, c, b, a]).map(|s| t + s * length)
     }
+
+    /// Does the same as [`Walk::cross`] to within a billionth of a cell, and faster where the value rises throughout the cell.
+    #[inline(always)]
+    fn cross_soon(&self, base: [i64; 3], t: f64, until: f64) -> Option<f64> {
+        let corners = corners(self.volume.voxels(), base);
+        if corners.iter().all(|&c| c < self.wall) {
+            return None;
+        }
+        let length = (until - t).max(0.0);
+        let enter = self.from + self.along * t - DVec3::new(base[0] as f64, base[1] as f64, base[2] as f64);
+        let [d, c, b, a] = Cell::new(corners).along(enter, self.along * length);
+        let d = d - self.iso;
+        let (low, high, end) = (d + c * (1.0 / 3.0), d + (2.0 * c + b) * (1.0 / 3.0), d + c + b + a);
+        if d.max(low).max(high).max(end) < -BESIDE {
+            return None;
+        }
+        // The slope's Bernstein coefficients.
+        let rises = c > 0.0 && c + b > 0.0 && c + 2.0 * b + 3.0 * a > 0.0;
+        if !(rises && d < -BESIDE) {
+            return first_root([d, c, b, a]).map(|s| t + s * length);
+        }
+        if end < 0.0 {
+            return (end >= -TOUCH).then_some(t + length);
+        }
+        rising_root([d, c, b, a], end).map_or_else(|| first_root([d, c, b, a]), Some).map(|s| t + s * length)
+    }
 }
 
 /// A ray that stays this far below the wall's value throughout a cell does not touch it there, HU: far above rounding.
@@ -344,7 +370,7 @@ impl<'a> Segment<'a> {
     /// Returns the first crossing within a cell, between the distances `t` and `until` of its entry and exit, mm.
     #[inline(always)]
     pub(crate) fn cross(&self, cell: [i64; 3], t: f64, until: f64) -> Option<f64> {
-        self.0.cross(cell, t, until)
+        self.0.cross_soon(cell, t, until)
     }
 }
 
@@ -374,6 +400,25 @@ fn first_root(c: [f64; 4]) -> Option<f64> {
             return Some(to);
         }
         from = (to, at);
+    }
+    None
+}
+
+/// Returns the root of a cubic that rises from below 0 at 0 to `end` at 1, by Newton's method from the chord; `None` if that leaves 0 to 1 or
+/// does not settle, which takes a steep cubic.
+#[inline(always)]
+fn rising_root(c: [f64; 4], end: f64) -> Option<f64> {
+    let mut s = -c[0] / (end - c[0]);
+    for _ in 0..8 {
+        let slope = c[1] + s * (2.0 * c[2] + s * 3.0 * c[3]);
+        let next = s - cubic::value(c, s) / slope;
+        if (next - s).abs() < 1e-10 {
+            return (0.0..=1.0).contains(&next).then_some(next);
+        }
+        s = next;
+        if !(0.0..=1.0).contains(&s) {
+            return None;
+        }
     }
     None
 }
