@@ -11,7 +11,7 @@ use std::sync::Arc;
 use serde_json::json;
 
 use crate::app::Scan;
-use crate::cli::args::{DatasetArgs, Global};
+use crate::cli::args::{DatasetArgs, Global, Pair, Point, Triple};
 use crate::cli::messages::say;
 use crate::cli::values::SeedRange;
 use crate::cli::{Program, prepare};
@@ -159,15 +159,33 @@ fn command(args: &DatasetArgs, global: &Global, seed: Option<u64>) -> String {
     line.extend(args.play.as_deref().map(|p| format!("--play {}", name(p))));
     line.extend(args.replay.as_deref().map(|p| format!("--replay {}", name(p))));
     line.extend(args.guide.as_ref().map(|g| format!("--guide {g}")));
+    line.extend(args.from.map(|p| format!("--from {}", point(p))));
+    line.extend(args.to.map(|p| format!("--to {}", point(p))));
+    line.extend(args.reverse.then(|| "--reverse".to_owned()));
+    line.extend(args.rate.map(|r| format!("--rate {r}")));
+    line.extend(args.scene.as_deref().map(|p| format!("--scene {}", name(p))));
     line.extend(args.seconds.map(|s| format!("--seconds {s}")));
     line.extend(args.fps.map(|f| format!("--fps {f}")));
     line.extend(args.size.map(|s| format!("--size {s}")));
     line.extend(global.camera.as_ref().map(|c| format!("--camera {c}")));
     line.extend(global.fov.map(|f| format!("--fov {f}")));
+    line.extend(global.wall.map(|Pair(a, b)| format!("--wall {a},{b}")));
+    line.extend(global.hu.map(|Pair(a, b)| format!("--hu {a},{b}")));
+    line.extend(global.spacing.map(|Triple(s)| format!("--spacing {},{},{}", s.x, s.y, s.z)));
+    line.extend(global.cleanse.then(|| "--cleanse".to_owned()));
     line.extend((!args.truth.is_empty()).then(|| format!("--truth {}", args.truth.join(","))));
     line.extend(look::options(args));
     line.push("--out DIR/".to_owned());
     line.join(" ")
+}
+
+/// Returns an end of a flight as it is given.
+fn point(point: Point) -> String {
+    match point {
+        Point::Rectum => "rectum".to_owned(),
+        Point::Cecum => "cecum".to_owned(),
+        Point::World(p) => format!("{},{},{}", p.x, p.y, p.z),
+    }
 }
 
 fn name(path: &Path) -> String {
