@@ -665,6 +665,9 @@ pub struct DatasetArgs {
     /// gone over again
     #[arg(long, value_name = "PATH", value_parser = PathKind::ALL.map(PathKind::name))]
     pub path: Option<String>,
+    /// Deform the colon slowly, by breathing of so many millimetres and waves along it
+    #[arg(long, value_name = "MM", allow_hyphen_values = true)]
+    pub deform: Option<f64>,
     /// Kinds of ground truth [default: all]
     #[arg(long, value_name = "KIND,...", value_delimiter = ',', value_parser = Kind::ALL.map(Kind::name))]
     pub truth: Vec<String>,

@@ -5,6 +5,7 @@
 //! [`write`](writing::write) puts it all into a folder that is whole or not there.
 
 pub mod camera;
+pub mod deform;
 pub mod layout;
 pub mod look;
 pub mod paths;

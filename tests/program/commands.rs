@@ -30,7 +30,7 @@ const COMMANDS: [(&str, &str); 20] = [
     ("match", "--out --stats"),
     (
         "dataset",
-        "--phantoms --out --layout --poses --path --truth --size --mucosa --lights --shadows --exposure --gamma --noise --noise-seed --linear --guide --from --to --reverse --seconds --fps --replay --play --rate --scene \
+        "--phantoms --out --layout --poses --path --deform --truth --size --mucosa --lights --shadows --exposure --gamma --noise --noise-seed --linear --guide --from --to --reverse --seconds --fps --replay --play --rate --scene \
          --stats",
     ),
     ("batch", "--out --do --shard --jobs --memory --timeout --group"),

@@ -68,6 +68,11 @@ fn truth_holds_by_code_that_shares_nothing_with_ours() {
     judged(&room.flown("pinhole", &[]));
     judged(&room.flown("wide", &["--camera", "fisheye", "--fov", "170"]));
     judged(&room.flown("linear", &["--linear", "--noise", "0", "--mucosa", "strong", "--gamma", "2", "--lights", "1"]));
+    // Tissue that breathes: the same, by the way that it goes.
+    let breathing = room.flown("breathing", &["--deform", "3"]);
+    judged(&breathing);
+    let moved = |n: usize| fs::read(breathing.join(format!("truth/scene-flow/{n:06}.npy"))).unwrap();
+    assert!(moved(0) != moved(1) && !breathing.join("truth/scene-flow/000003.npy").exists());
     // A calibrated fisheye, off its middle, at places of a flight.
     let poses = fs::read_to_string(room.at("pinhole/poses.csv")).unwrap();
     let poses: Vec<Value> = poses
@@ -160,6 +165,7 @@ fn what_makes_no_dataset_is_told_and_leaves_no_folder() {
         (&["--layout", "mine"], 2),
         (&["--truth", "depth,colour"], 2),
         (&["--phantoms", "5..2"], 2),
+        (&["--deform", "9"], 2),
         (&["--mucosa", "blue"], 2),
         (&["--lights", "3"], 2),
         (&["--exposure", "0"], 2),

@@ -81,6 +81,7 @@ fn one(
     let count = takes.poses.len();
     let source = Source {
         volume: scan.volume(),
+        deformation: takes.deformation,
         views: &|n| takes.view(n),
         count,
         fps: takes.fps,
@@ -155,6 +156,7 @@ fn command(args: &DatasetArgs, global: &Global, seed: Option<u64>) -> String {
     line.extend(global.seed.filter(|_| seed.is_none()).map(|seed| format!("--seed {seed}")));
     line.push(format!("--layout {}", args.layout));
     line.extend(args.path.as_ref().map(|p| format!("--path {p}")));
+    line.extend(args.deform.map(|mm| format!("--deform {mm}")));
     line.extend(args.poses.as_deref().map(|p| format!("--poses {}", name(p))));
     line.extend(args.play.as_deref().map(|p| format!("--play {}", name(p))));
     line.extend(args.replay.as_deref().map(|p| format!("--replay {}", name(p))));

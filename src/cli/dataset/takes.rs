@@ -14,6 +14,7 @@ use crate::cli::{Program, fly, prepare};
 use crate::components::flight::State;
 use crate::components::output::LogLine;
 use crate::dataset::camera::Intrinsics;
+use crate::dataset::deform::Deformation;
 use crate::dataset::paths::{Course, PathKind};
 use crate::dynamics::STEP_HZ;
 use crate::error::{Error, Result};
@@ -45,6 +46,7 @@ pub(super) struct Takes {
     pub poses: Vec<Take>,
     pub fps: f64,
     pub camera: Intrinsics,
+    pub deformation: Option<Deformation>,
     lens: Arc<dyn Camera>,
     size: ImageSize,
 }
@@ -100,14 +102,15 @@ impl Takes {
         if takes.is_empty() {
             return Err(Error::usage("dataset", "has no pose", "give poses, or a longer flight"));
         }
-        let probe = Self { poses: takes, fps, camera: Intrinsics::Panorama, lens, size };
+        let deformation = args.deform.map(Deformation::new).transpose()?;
+        let probe = Self { poses: takes, fps, camera: Intrinsics::Panorama, lens, deformation, size };
         let camera = lens::of(&poses, model, global, (&probe.lens, size))?;
         // Every pose is one before any work is done.
         let (volume, iso) = (scan.volume(), scan.volume().transfer().iso());
         for n in 0..probe.poses.len() {
-            let (view, _) = probe.view(n)?;
-            if f64::from(space::value(volume, view.position())) >= iso {
-                let at = view.position();
+            probe.view(n)?;
+            let at = probe.poses[n].position;
+            if f64::from(space::value(volume, at)) >= iso {
                 let why = format!("pose {n} at {:.1}, {:.1}, {:.1} is in the wall", at.x, at.y, at.z);
                 return Err(Error::file(place, why, "give poses in gas"));
             }
@@ -119,6 +122,8 @@ impl Takes {
     pub(super) fn view(&self, n: usize) -> Result<(View, f64)> {
         let Take { seconds, position, forward, up } = self.poses[n];
         let (width, height) = (self.size.width, self.size.height);
+        // It moves with the tissue around it, so that it stays in gas.
+        let position = self.deformation.map_or(position, |d| d.place(position, seconds));
         let view = View::with_camera(position, forward, up, Arc::clone(&self.lens), width, height);
         let view = view.map_err(|mut e| {
             e.what = format!("pose {n}: {}", e.what);

@@ -96,7 +96,7 @@ impl<'a> Lamps<'a> {
         for (k, c) in found.iter().enumerate().take(LANES) {
             let Some(c) = c else { continue };
             let (world, normal) = (c.place.as_vec3(), c.smooth.as_vec3());
-            let mut albedo = self.albedo.of(world, normal);
+            let mut albedo = self.albedo.of(c.tissue.as_vec3(), normal);
             if self.look.mucosa != Mucosa::Off {
                 albedo = self.residue.over(albedo, world, normal);
             }

@@ -32,7 +32,8 @@ fn view(position: DVec3, forward: DVec3) -> View {
 
 fn crossed(volume: &PreparedVolume, view: &View) -> Truth {
     let rays = crate::render::leap::Crossings::new(volume, &Progress::new()).unwrap();
-    let subject = Subject { volume, rays: &rays, view, neighbours: [None, None], rings: None, labeller: None };
+    let subject =
+        Subject { volume, rays: &rays, view, tissue: None, neighbours: [None, None], rings: None, labeller: None };
     let mut truth = Truth::default();
     truth.measure(subject, &[Kind::Shading], &Progress::new()).unwrap();
     truth
@@ -156,7 +157,7 @@ fn no_number_is_none() {
     let volume = tube();
     let at = DVec3::new(0.0, 0.0, 20.0);
     let view = View::new(at, DVec3::Z, DVec3::Y, 90.0, 4, 4).unwrap();
-    let crossing = |place, smooth| Some(Crossing { mm: 0.0, place, normal: smooth, smooth });
+    let crossing = |place, smooth| Some(Crossing { mm: 0.0, place, tissue: place, normal: smooth, smooth });
     let found = [
         crossing(at, DVec3::NEG_Z),
         crossing(at + DVec3::X * 3.0, DVec3::NEG_Z),

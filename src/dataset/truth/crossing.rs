@@ -20,6 +20,8 @@ pub struct Crossing {
     pub mm: f64,
     /// World, mm.
     pub place: DVec3,
+    /// The scan's place of the tissue there, world, mm: the same unless the scan is deformed.
+    pub tissue: DVec3,
     /// The wall's normal there, world, of unit length, towards the gas: against the gradient of the interpolated value.
     pub normal: DVec3,
     /// The same of the values around it, so that it does not change abruptly from voxel to voxel as `normal` does: from the differences
@@ -41,8 +43,9 @@ impl Crossing {
 /// Returns status 4 if interrupted.
 pub(super) fn crossings(
     volume: &PreparedVolume,
-    rays: &Crossings<'_>,
+    rays: &Crossings,
     view: &View,
+    tissue: Option<&(dyn Fn(DVec3) -> DVec3 + Sync)>,
     progress: &Progress,
 ) -> Result<Vec<Option<Crossing>>> {
     let width = view.width();
@@ -55,7 +58,8 @@ pub(super) fn crossings(
         let normal = render::normal_at(volume, ray, mm)?;
         let place = ray.origin + ray.direction * mm;
         let smooth = smooth(volume, place).filter(|n| n.dot(ray.direction) < 0.0).unwrap_or(normal);
-        Some(Crossing { mm, place, normal, smooth })
+        let tissue = tissue.map_or(place, |of| of(place));
+        Some(Crossing { mm, place, tissue, normal, smooth })
     };
     out.par_chunks_mut(SIDE * width).enumerate().try_for_each(|(band, out)| {
         progress.check()?;

@@ -17,12 +17,14 @@ pub const OUTSIDE: u8 = 2;
 /// A point is seen if its ray meets the wall at most this much before it, mm. The crossing is exact to far less; where a ray grazes the
 /// wall, rounding moves it along the ray.
 const SAME_MM: f64 = 0.01;
+/// The same between moments of a deformed scan, mm.
+const DEFORMED_MM: f64 = 0.4;
 
 /// The frame before or after.
 #[derive(Clone, Copy)]
 pub struct Neighbour<'a> {
     /// Rays through the scan at its moment.
-    pub rays: &'a Crossings<'a>,
+    pub rays: &'a Crossings,
     /// Its camera and pixels.
     pub view: &'a View,
     /// Where a point of the frame is at its moment, world, mm; where it was if nothing moves.
@@ -46,6 +48,8 @@ pub(super) fn measure(
     flow.resize(found.len(), [f32::NAN; 2]);
     unseen.resize(found.len(), OUTSIDE);
     let Some(to) = neighbour else { return Ok(()) };
+    // A deformed scan is interpolated twice.
+    let same_mm = if to.moved.is_some() { DEFORMED_MM } else { SAME_MM };
     let eye = to.rays.from(to.view.position());
     let bands = flow.par_chunks_mut(SIDE * width).zip(unseen.par_chunks_mut(SIDE * width));
     bands.zip(found.par_chunks(SIDE * width)).enumerate().try_for_each(|(band, ((flow, unseen), found))| {
@@ -75,7 +79,7 @@ pub(super) fn measure(
                         continue;
                     }
                     let met = eye.first(way / mm);
-                    unseen[n] = if met.is_none_or(|met| met >= mm - SAME_MM) { 0 } else { HIDDEN };
+                    unseen[n] = if met.is_none_or(|met| met >= mm - same_mm) { 0 } else { HIDDEN };
                 }
             }
         }

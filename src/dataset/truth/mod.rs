@@ -83,9 +83,11 @@ pub struct Subject<'a> {
     /// The scan at the moment of the frame.
     pub volume: &'a PreparedVolume,
     /// Rays through it.
-    pub rays: &'a Crossings<'a>,
+    pub rays: &'a Crossings,
     /// The camera and its pixels.
     pub view: &'a View,
+    /// The scan's place of the tissue at a place, both world, mm, if the scan is deformed.
+    pub tissue: Option<&'a (dyn Fn(DVec3) -> DVec3 + Sync)>,
     /// The frames before and after, if there are any.
     pub neighbours: [Option<Neighbour<'a>>; 2],
     /// The line of the colon, for [`Kind::Along`] and for labels by distance.
@@ -108,6 +110,8 @@ pub struct Truth {
     pub flow: [Vec<[f32; 2]>; 2],
     /// For each of both whether the point is [`HIDDEN`] or [`OUTSIDE`] there; 0 where it is seen.
     pub unseen: [Vec<u8>; 2],
+    /// By how much the point's tissue has moved by the frame after, world, mm; NaN where there is no wall. Empty unless the scan is deformed.
+    pub scene: Vec<[f32; 3]>,
     /// cos/r² of a lamp at the camera, 1/mm²: what a wall that is white and scatters evenly sends back. 0 where there is no wall.
     pub shading: Vec<f32>,
     /// What the wall belongs to, and the part of the colon; 0 where there is no wall.
@@ -140,7 +144,7 @@ impl Truth {
     pub fn measure(&mut self, subject: Subject<'_>, kinds: &[Kind], progress: &Progress) -> Result<()> {
         let has = |kind| kinds.contains(&kind);
         let begun = Instant::now();
-        let found = crossings(subject.volume, subject.rays, subject.view, progress)?;
+        let found = crossings(subject.volume, subject.rays, subject.view, subject.tissue, progress)?;
         let (view, eye) = (subject.view, subject.view.position());
         fill(&mut self.depth, has(Kind::Depth), &found, |_, c| c.map_or(f32::INFINITY, |c| c.mm as f32));
         fill(&mut self.z, has(Kind::Z), &found, |_, c| {
@@ -159,16 +163,20 @@ impl Truth {
                 unseen.clear();
             }
         }
+        let moved = subject.neighbours[1].and_then(|n| n.moved).filter(|_| has(Kind::Flow));
+        fill(&mut self.scene, moved.is_some(), &found, |_, c| {
+            c.zip(moved).map_or([f32::NAN; 3], |(c, moved)| (moved(c.place) - c.place).as_vec3().to_array())
+        });
         let flowed = begun.elapsed();
         let rings = subject.rings.filter(|_| has(Kind::Along) || has(Kind::Labels));
         let mut along = Vec::new();
         fill(&mut along, has(Kind::Along) || has(Kind::Labels), &found, |_, c| {
-            c.and_then(|c| Some(rings?.of(c.place)?.map(|x| x as f32))).unwrap_or([f32::NAN; 3])
+            c.and_then(|c| Some(rings?.of(c.tissue)?.map(|x| x as f32))).unwrap_or([f32::NAN; 3])
         });
         fill(&mut self.labels, has(Kind::Labels), &found, |n, c| {
             let mm = along[n][0];
             let label =
-                |c: &Crossing| Some(subject.labeller?.label(c.place, c.normal, mm.is_finite().then_some(mm.into())));
+                |c: &Crossing| Some(subject.labeller?.label(c.tissue, c.normal, mm.is_finite().then_some(mm.into())));
             c.and_then(label).unwrap_or_default()
         });
         self.along = if has(Kind::Along) { along } else { Vec::new() };

@@ -23,8 +23,15 @@ fn speed() {
     for three in views.windows(3) {
         let near = |view| Some(Neighbour { rays: &rays, view, moved: None });
         let neighbours = [near(&three[0]), near(&three[2])];
-        let subject =
-            Subject { volume: &volume, rays: &rays, view: &three[1], neighbours, rings: None, labeller: None };
+        let subject = Subject {
+            volume: &volume,
+            rays: &rays,
+            view: &three[1],
+            tissue: None,
+            neighbours,
+            rings: None,
+            labeller: None,
+        };
         let mut truth = Truth::default();
         truth.measure(subject, &Kind::ALL, &Progress::new()).unwrap();
         all = Times { crossings: all.crossings + truth.times.crossings, flow: all.flow + truth.times.flow, ..all };

@@ -5,6 +5,7 @@
 //! short goes on where it was: frames whose files are there are not measured again. Nothing depends on when, so the bytes are the same.
 
 mod exr;
+mod moments;
 mod part;
 mod points;
 mod readme;
@@ -16,9 +17,12 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use glam::DVec3;
+
 pub use part::Part;
 
 use super::camera::{Intrinsics, VisionPose};
+use super::deform::Deformation;
 use super::layout::{Entry, Index, Layout};
 use super::look::{Look, Painter};
 use super::truth::{Kind, Labeller, Neighbour, Rings, Subject, Times, Truth};
@@ -28,6 +32,7 @@ use crate::render::View;
 use crate::render::leap::Crossings;
 use crate::space::PreparedVolume;
 use crate::surface::LumenMesh;
+use moments::Moments;
 use shots::{Taken, is_there, kept};
 
 /// Threads that write files.
@@ -37,6 +42,8 @@ const WRITERS: usize = 2;
 pub struct Source<'a> {
     /// The scan.
     pub volume: &'a PreparedVolume,
+    /// How it is deformed.
+    pub deformation: Option<Deformation>,
     /// The cameras, and when each takes its picture, s.
     pub views: &'a (dyn Fn(usize) -> Result<(View, f64)> + Sync),
     /// Number of frames.
@@ -118,7 +125,8 @@ pub fn write(source: &Source<'_>, layout: &dyn Layout, folder: &Path, progress: 
         frames: &frames,
         points: &points,
     };
-    if let Some(mesh) = &source.wall {
+    // Of a deformed wall there is no one mesh.
+    if let Some(mesh) = source.wall.as_ref().filter(|_| source.deformation.is_none()) {
         wall::write((source, &rays), mesh, part.path(), progress)?;
     }
     part.finish(source, layout, &index, progress)?;
@@ -131,7 +139,7 @@ impl Source<'_> {
     fn identity(&self) -> serde_json::Value {
         serde_json::json!({
             "frames": self.count, "fps": self.fps, "camera": self.camera, "truth": self.kinds, "look": self.look, "seed": self.seed,
-            "labels": self.names[0], "parts": self.names[1], "source": self.told,
+            "labels": self.names[0], "deformation": self.deformation, "parts": self.names[1], "source": self.told,
         })
     }
 
@@ -143,7 +151,7 @@ impl Source<'_> {
 
 /// Measures the frames that are not there, in order, and hands them to those who write.
 fn take_all(
-    (source, rays): (&Source<'_>, &Crossings<'_>),
+    (source, rays): (&Source<'_>, &Crossings),
     layout: &dyn Layout,
     folder: &Path,
     files: &Mutex<Result<Duration>>,
@@ -152,6 +160,7 @@ fn take_all(
     progress: &Progress,
 ) -> Result<()> {
     let painter = Painter::new(&source.look, source.seed);
+    let mut moments = Moments::new(source, rays);
     for n in 0..source.count {
         progress.check()?;
         if files.lock().unwrap_or_else(PoisonError::into_inner).is_err() {
@@ -159,21 +168,38 @@ fn take_all(
         }
         let (view, seconds) = (source.views)(n)?;
         if !is_there(folder, layout, source, (n, seconds)) {
-            let near = |n: usize| (source.views)(n).map(|v| v.0);
+            let near = |n: usize| (source.views)(n);
             let around =
                 [n.checked_sub(1).map(near).transpose()?, (n + 1 < source.count).then(|| near(n + 1)).transpose()?];
+            let now = moments.at(seconds, progress)?;
+            let tissue = |place: DVec3| source.deformation.map_or(place, |d| d.tissue(place, seconds));
+            let then = [0, 1].map(|k| around[k].as_ref().map(|a| moments.at(a.1, progress)));
+            let [before, after] = then.map(Option::transpose);
+            let then = [before?, after?];
+            let to = |k: usize| {
+                let other = around[k].as_ref().map_or(0.0, |a| a.1);
+                move |place: DVec3| source.deformation.map_or(place, |d| d.place(d.tissue(place, seconds), other))
+            };
+            let moved = [to(0), to(1)];
+            let is_deformed = source.deformation.is_some();
+            let neighbour = |k: usize| {
+                let (rays, view) = (&then[k].as_ref()?.rays, &around[k].as_ref()?.0);
+                let moved: &(dyn Fn(DVec3) -> DVec3 + Sync) = &moved[k];
+                Some(Neighbour { rays, view, moved: is_deformed.then_some(moved) })
+            };
             let subject = Subject {
-                volume: source.volume,
-                rays,
+                volume: &now.volume,
+                rays: &now.rays,
                 view: &view,
-                neighbours: [0, 1].map(|k| around[k].as_ref().map(|view| Neighbour { rays, view, moved: None })),
+                tissue: if is_deformed { Some(&tissue) } else { None },
+                neighbours: [neighbour(0), neighbour(1)],
                 rings: source.rings.as_ref(),
                 labeller: source.labeller,
             };
             let mut truth = Truth::default();
             truth.measure(subject, &source.kinds, progress)?;
             let begun = Instant::now();
-            let picture = painter.draw(source.volume, &view, &truth.crossings, n as u64);
+            let picture = painter.draw(&now.volume, &view, &truth.crossings, n as u64);
             written.look += begun.elapsed();
             written.truth += truth.times;
             written.measured += 1;

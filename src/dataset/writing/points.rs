@@ -21,13 +21,14 @@ const REACH: usize = 3;
 /// Returns points of the wall that several frames see, as many as the layout wants. Their colours are those of the pictures, which are in
 /// `folder`.
 pub(super) fn find(
-    (source, rays): (&Source<'_>, &Crossings<'_>),
+    (source, rays): (&Source<'_>, &Crossings),
     layout: &dyn Layout,
     folder: &Path,
     progress: &Progress,
 ) -> Result<Vec<Point>> {
     let wanted = layout.points();
-    if wanted == 0 {
+    // Points of a deformed wall are nowhere for long.
+    if wanted == 0 || source.deformation.is_some() {
         return Ok(Vec::new());
     }
     progress.stage("points", source.count as u64);
@@ -56,7 +57,7 @@ pub(super) fn find(
 }
 
 /// Returns points of a frame on an even lattice of its pixels that other frames see, too.
-fn of_frame((source, rays): (&Source<'_>, &Crossings<'_>), wanted: usize, n: usize) -> Result<Vec<Point>> {
+fn of_frame((source, rays): (&Source<'_>, &Crossings), wanted: usize, n: usize) -> Result<Vec<Point>> {
     let (view, _) = (source.views)(n)?;
     let (width, height) = (view.width(), view.height());
     let step = ((width * height) as f64 / wanted as f64).sqrt().max(1.0);
@@ -82,7 +83,7 @@ fn of_frame((source, rays): (&Source<'_>, &Crossings<'_>), wanted: usize, n: usi
 }
 
 /// Returns where a view sees a point of the wall, pixels from the top left corner; `None` if it does not.
-fn sees(rays: &Crossings<'_>, view: &View, place: DVec3) -> Option<[f64; 2]> {
+fn sees(rays: &Crossings, view: &View, place: DVec3) -> Option<[f64; 2]> {
     let at @ [u, v] = view.project(place)?;
     let inside = (0.0..view.width() as f64).contains(&u) && (0.0..view.height() as f64).contains(&v);
     let way = place - view.position();

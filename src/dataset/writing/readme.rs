@@ -31,6 +31,11 @@ pub(super) fn text(source: &Source<'_>, layout: &dyn Layout, index: &Index<'_>) 
     for kind in index.kinds {
         text += of_kind(*kind);
     }
+    if source.deformation.is_some() {
+        text += "- `truth/scene-flow/N.npy`: float32 H×W×3, by how much the tissue of the pixel's point has moved by frame N+1, world, mm: the \
+                 colon breathes and waves pass along it, slowly, and the camera moves with the tissue around it. Flow counts it in. Labels and \
+                 places are those of the tissue. At the first frame nothing has moved.\n";
+    }
     text += "- `exposure.csv`: what the linear light of each frame is multiplied with (below).\n";
     if source.look.linear {
         text += "- `linear/N.exr`: float32, linear light before exposure and noise, 1/mm²: R, G, B, and gloss, which each of them has more \

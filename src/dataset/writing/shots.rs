@@ -82,6 +82,9 @@ impl Taken {
                 floats(&names(kind, self.n)[0], values, each)?;
             }
         }
+        if !truth.scene.is_empty() {
+            floats(&format!("truth/scene-flow/{:06}.npy", self.n), truth.scene.as_flattened(), 3)?;
+        }
         if !truth.flow[0].is_empty() {
             let [before, after, unseen] = &names(Kind::Flow, self.n)[..] else { return Ok(()) };
             floats(before, truth.flow[0].as_flattened(), 2)?;

@@ -24,7 +24,7 @@ const MOST: usize = 4000;
 /// Writes `wall.ply`, whose faces have the number of the first frame that sees them, and `coverage.csv` with the share of the wall's area
 /// seen up to each frame.
 pub(super) fn write(
-    (source, rays): (&Source<'_>, &Crossings<'_>),
+    (source, rays): (&Source<'_>, &Crossings),
     mesh: &LumenMesh,
     folder: &Path,
     progress: &Progress,
@@ -76,7 +76,7 @@ pub(super) fn write(
 }
 
 /// True if a view sees a place (world, mm) of the wall whose normal into the tissue is known, of any length.
-fn sees(view: &View, rays: &Crossings<'_>, place: DVec3, normal: DVec3) -> bool {
+fn sees(view: &View, rays: &Crossings, place: DVec3, normal: DVec3) -> bool {
     let way = place - view.position();
     if way.dot(normal) <= 0.0 {
         return false;

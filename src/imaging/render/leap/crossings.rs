@@ -13,21 +13,21 @@ use crate::space::PreparedVolume;
 use crate::space::ray::{Segment, clip, trilinear};
 
 /// Where each ray of many first crosses the wall, and the memory that this takes: a byte for each voxel.
-#[derive(Debug)]
-pub struct Crossings<'a> {
-    volume: &'a PreparedVolume,
+#[derive(Clone, Debug)]
+pub struct Crossings {
+    volume: PreparedVolume,
     /// For each cell from −1 on, x fastest: king's moves to the nearest one that may hold wall.
     free: Vec<u8>,
     /// Number of cells along each axis.
     dims: [usize; 3],
 }
 
-impl<'a> Crossings<'a> {
+impl Crossings {
     /// Prepares a volume.
     ///
     /// # Errors
     /// Returns status 4 if interrupted.
-    pub fn new(volume: &'a PreparedVolume, progress: &Progress) -> crate::error::Result<Self> {
+    pub fn new(volume: &PreparedVolume, progress: &Progress) -> crate::error::Result<Self> {
         let (data, grid) = (volume.voxels().data(), volume.voxels().grid());
         let wall = volume.transfer().iso().ceil() as i16;
         let [nx, ny, nz] = grid.dims();
@@ -50,7 +50,7 @@ impl<'a> Crossings<'a> {
         })?;
         progress.check()?;
         chessboard(&mut free, dims, Outside::Unmarked);
-        Ok(Self { volume, free, dims })
+        Ok(Self { volume: volume.clone(), free, dims })
     }
 
     /// Returns the rays from a point (world, mm).
@@ -72,7 +72,7 @@ impl<'a> Crossings<'a> {
 
     /// Leaps from cell to cell. Each leap leaves the cells that are known to be free; none moves back.
     fn walk(&self, from: DVec3, along: DVec3, exit: f64) -> Option<f64> {
-        let segment = Segment::new(self.volume, from, along);
+        let segment = Segment::new(&self.volume, from, along);
         let inverse = along.recip();
         let last: [i64; 3] = from_fn(|a| self.dims[a] as i64 - 2);
         let mut cell: [i64; 3] = from_fn(|a| floor(from[a]).clamp(-1, last[a]));
@@ -118,7 +118,7 @@ impl<'a> Crossings<'a> {
 /// Rays from one point.
 #[derive(Clone, Copy, Debug)]
 pub struct RaysFrom<'a> {
-    crossings: &'a Crossings<'a>,
+    crossings: &'a Crossings,
     origin: DVec3,
     /// The same in voxels.
     from: DVec3,
@@ -132,7 +132,7 @@ impl RaysFrom<'_> {
     pub fn first(&self, direction: DVec3) -> Option<f64> {
         let Self { crossings, origin, from, is_near, is_wall } = *self;
         if !is_near {
-            return crate::space::first_crossing(crossings.volume, origin, direction, f64::INFINITY);
+            return crate::space::first_crossing(&crossings.volume, origin, direction, f64::INFINITY);
         }
         if is_wall {
             return direction.is_finite().then_some(0.0);
