@@ -301,9 +301,10 @@ impl<'a> Walk<'a> {
         from_fn(|a| self.plane(a, first[a], last[a]))
     }
 
-    /// Returns the first crossing within a cell, between the distances `t` and `until` of its entry and exit.
+    /// Returns the value beside the wall's along a cell as a cubic, lowest power first, from 0 at the distance `t` of its entry to 1 at
+    /// `until`, that of its exit, and the length between them; `None` if the ray does not reach the wall there.
     #[inline(always)]
-    fn cross(&self, base: [i64; 3], t: f64, until: f64) -> Option<f64> {
+    fn cubic(&self, base: [i64; 3], t: f64, until: f64) -> Option<([f64; 4], f64)> {
         let corners = corners(self.volume.voxels(), base);
         // The walk stays in air before the wall, so nearly all cells end here.
         if corners.iter().all(|&c| c < self.wall) {
@@ -315,27 +316,22 @@ impl<'a> Walk<'a> {
         let d = d - self.iso;
         // The cubic stays within the hull of its Bernstein coefficients: most cells that hold wall are passed beside it.
         let (low, high) = (d + c * (1.0 / 3.0), d + (2.0 * c + b) * (1.0 / 3.0));
-        if d.max(low).max(high).max(d + c + b + a) < -BESIDE {
-            return None;
-        }
-        first_root([d, c, b, a]).map(|s| t + s * length)
+        let is_beside = d.max(low).max(high).max(d + c + b + a) < -BESIDE;
+        (!is_beside).then_some(([d, c, b, a], length))
+    }
+
+    /// Returns the first crossing within a cell, between the distances `t` and `until` of its entry and exit.
+    #[inline(always)]
+    fn cross(&self, base: [i64; 3], t: f64, until: f64) -> Option<f64> {
+        let (cubic, length) = self.cubic(base, t, until)?;
+        first_root(cubic).map(|s| t + s * length)
     }
 
     /// Does the same as [`Walk::cross`] to within a billionth of a cell, and faster where the value rises throughout the cell.
     #[inline(always)]
     fn cross_soon(&self, base: [i64; 3], t: f64, until: f64) -> Option<f64> {
-        let corners = corners(self.volume.voxels(), base);
-        if corners.iter().all(|&c| c < self.wall) {
-            return None;
-        }
-        let length = (until - t).max(0.0);
-        let enter = self.from + self.along * t - DVec3::new(base[0] as f64, base[1] as f64, base[2] as f64);
-        let [d, c, b, a] = Cell::new(corners).along(enter, self.along * length);
-        let d = d - self.iso;
-        let (low, high, end) = (d + c * (1.0 / 3.0), d + (2.0 * c + b) * (1.0 / 3.0), d + c + b + a);
-        if d.max(low).max(high).max(end) < -BESIDE {
-            return None;
-        }
+        let ([d, c, b, a], length) = self.cubic(base, t, until)?;
+        let end = d + c + b + a;
         // The slope's Bernstein coefficients.
         let rises = c > 0.0 && c + b > 0.0 && c + 2.0 * b + 3.0 * a > 0.0;
         if !(rises && d < -BESIDE) {
