@@ -64,7 +64,7 @@ impl<'a> Lamps<'a> {
         let (mut place, mut normal) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
         for (k, c) in found.iter().enumerate().take(LANES) {
             let Some(c) = c else { continue };
-            let (p, n) = ((c.place - self.eye).as_vec3(), c.smooth.as_vec3());
+            let (p, n) = ((c.place - self.eye).as_vec3(), c.smooth);
             for axis in 0..3 {
                 (place[axis][k], normal[axis][k]) = (p[axis], n[axis]);
             }
@@ -95,8 +95,8 @@ impl<'a> Lamps<'a> {
         let mut out = [Sent::default(); LANES];
         for (k, c) in found.iter().enumerate().take(LANES) {
             let Some(c) = c else { continue };
-            let (world, normal) = (c.place.as_vec3(), c.smooth.as_vec3());
-            let mut albedo = self.albedo.of(c.tissue.as_vec3(), normal);
+            let (world, normal) = (c.place.as_vec3(), c.smooth);
+            let mut albedo = self.albedo.of(c.tissue, normal);
             if self.look.mucosa != Mucosa::Off {
                 albedo = self.residue.over(albedo, world, normal);
             }

@@ -32,7 +32,7 @@ pub(super) fn dark(look: &Look, volume: &PreparedVolume, view: &View, found: &[O
                         let way = crossing.place - *lamp;
                         let mm = way.length();
                         // What faces away is dark without a shadow.
-                        if mm > SAME_MM && crossing.smooth.dot(way) < 0.0 {
+                        if mm > SAME_MM && crossing.smooth.as_dvec3().dot(way) < 0.0 {
                             rays.push((n, way / mm, mm));
                         }
                     }

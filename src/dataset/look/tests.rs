@@ -90,7 +90,7 @@ fn light_of_two_lamps_is_what_the_readme_says() {
         let of_lamp = |x: f64| {
             let way = view.position() + view.right() * x - c.place;
             let to = way.normalize();
-            0.5 * to.dot(c.smooth).max(0.0) * (-to).dot(view.forward()).max(0.0) / way.length_squared()
+            0.5 * to.dot(c.smooth.as_dvec3()).max(0.0) * (-to).dot(view.forward()).max(0.0) / way.length_squared()
         };
         let told = of_lamp(-3.0) + of_lamp(3.0);
         let found = f64::from((picture.linear[n][0] - picture.gloss[n]) / picture.albedo[n][0]);
@@ -157,7 +157,9 @@ fn no_number_is_none() {
     let volume = tube();
     let at = DVec3::new(0.0, 0.0, 20.0);
     let view = View::new(at, DVec3::Z, DVec3::Y, 90.0, 4, 4).unwrap();
-    let crossing = |place, smooth| Some(Crossing { mm: 0.0, place, tissue: place, normal: smooth, smooth });
+    let crossing = |place: DVec3, smooth: DVec3| {
+        Some(Crossing { mm: 0.0, place, tissue: place.as_vec3(), smooth: smooth.as_vec3() })
+    };
     let found = [
         crossing(at, DVec3::NEG_Z),
         crossing(at + DVec3::X * 3.0, DVec3::NEG_Z),

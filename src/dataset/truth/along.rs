@@ -4,10 +4,12 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::band::{Band, set};
 use super::lattice::Lattice;
+use super::{Crossing, Subject};
 use crate::fields::Along;
 use crate::fields::centerline::Centerline;
-use crate::fields::frames::{Frame, evenly, frames};
+use crate::fields::frames::{Frame, STEP_MM, evenly, frames};
 use crate::volume::Grid;
 
 /// The nearest point of the line is looked for within this of the one that the colon's map names, mm along.
@@ -50,9 +52,10 @@ impl Rings {
     pub fn of(&self, place: DVec3) -> Option<[f64; 3]> {
         let steps = |place| self.along.of(place).map_or(0, |at| (at.mm / NEAR_STEP_MM).clamp(0.0, 65_000.0) as u16 + 1);
         let about = f64::from(self.known.label(place, steps).checked_sub(1)?) * NEAR_STEP_MM;
-        let first = self.mm.partition_point(|m| *m < about - WINDOW_MM);
-        let last = self.mm.partition_point(|m| *m <= about + WINDOW_MM).max(first + 2).min(self.frames.len());
-        let first = first.min(last - 2);
+        // The frames are evenly spaced.
+        let frame = |mm: f64| mm.max(0.0) / STEP_MM;
+        let last = (frame(about + WINDOW_MM) as usize + 1).clamp(2, self.frames.len());
+        let first = (frame(about - WINDOW_MM).ceil() as usize).min(last - 2);
         let away = |n: usize| self.frames[n].at.distance_squared(place);
         let nearest = (first..last).min_by(|a, b| away(*a).total_cmp(&away(*b)))?;
         // The nearest point of the two lengths that meet there.
@@ -66,5 +69,26 @@ impl Rings {
         let frame = self.frames[n].to(&self.frames[n + 1], share);
         let mm = self.mm[n] + (self.mm[n + 1] - self.mm[n]) * share;
         Some([mm, square.sqrt(), frame.angle(place - frame.at)])
+    }
+}
+
+impl Band<'_> {
+    /// Finds what the wall of each pixel belongs to, and where it is in the colon.
+    pub(super) fn anatomy(&mut self, subject: &Subject<'_>) {
+        if self.labels.is_empty() && self.along.is_empty() {
+            return;
+        }
+        for (n, found) in self.crossings.iter().enumerate() {
+            // What is not deformed is known better.
+            let tissue = |c: &Crossing| if subject.tissue.is_some() { c.tissue.as_dvec3() } else { c.place };
+            let along = found.as_ref().and_then(|c| subject.rings?.of(tissue(c)));
+            set(self.along, n, || along.map_or([f32::NAN; 3], |a| a.map(|x| x as f32)));
+            set(self.labels, n, || {
+                let label = |c: &Crossing| {
+                    Some(subject.labeller?.label(tissue(c), self.facing[n].as_dvec3(), along.map(|a| a[0])))
+                };
+                found.as_ref().and_then(label).unwrap_or_default()
+            });
+        }
     }
 }

@@ -1,13 +1,11 @@
 //! Where the points of one frame are in another.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
-use super::crossing::{Crossing, SIDE};
-use crate::error::Result;
-use crate::progress::Progress;
+use super::Subject;
+use super::band::{Band, Eyes, set};
 use crate::render::View;
-use crate::render::leap::Crossings;
+use crate::render::leap::{Crossings, RaysFrom};
 
 /// Something lies before the point in the other frame, or its wall is seen from behind there.
 pub const HIDDEN: u8 = 1;
@@ -31,58 +29,63 @@ pub struct Neighbour<'a> {
     pub moved: Option<&'a (dyn Fn(DVec3) -> DVec3 + Sync)>,
 }
 
-/// Measures the flow of a view's pixels to a neighbour, and what of them is not seen there.
-///
-/// # Errors
-/// Returns status 4 if interrupted.
-pub(super) fn measure(
-    view: &View,
-    neighbour: Option<Neighbour<'_>>,
-    found: &[Option<Crossing>],
-    (flow, unseen): (&mut Vec<[f32; 2]>, &mut Vec<u8>),
-    progress: &Progress,
-) -> Result<()> {
-    let width = view.width();
-    flow.clear();
-    unseen.clear();
-    flow.resize(found.len(), [f32::NAN; 2]);
-    unseen.resize(found.len(), OUTSIDE);
-    let Some(to) = neighbour else { return Ok(()) };
-    // A deformed scan is interpolated twice.
-    let same_mm = if to.moved.is_some() { DEFORMED_MM } else { SAME_MM };
-    let eye = to.rays.from(to.view.position());
-    let bands = flow.par_chunks_mut(SIDE * width).zip(unseen.par_chunks_mut(SIDE * width));
-    bands.zip(found.par_chunks(SIDE * width)).enumerate().try_for_each(|(band, ((flow, unseen), found))| {
-        progress.check()?;
-        for left in (0..width).step_by(SIDE) {
-            for y in 0..found.len() / width {
-                for x in left..(left + SIDE).min(width) {
-                    let n = y * width + x;
-                    let Some(crossing) = &found[n] else { continue };
-                    let place = to.moved.map_or(crossing.place, |moved| moved(crossing.place));
-                    let Some([u, v]) = to.view.project(place) else { continue };
-                    let (own_u, own_v) = (x as f64 + 0.5, (band * SIDE + y) as f64 + 0.5);
-                    let is_inside =
-                        (0.0..to.view.width() as f64).contains(&u) && (0.0..to.view.height() as f64).contains(&v);
-                    // The polynomial of a calibration means nothing beyond its picture.
-                    if is_inside || to.view.pixel().is_some() {
-                        flow[n] = [(u - own_u) as f32, (v - own_v) as f32];
-                    }
-                    let way = place - to.view.position();
-                    let mm = way.length();
-                    if !is_inside || to.view.ray_at(u, v).is_none() {
-                        continue;
-                    }
-                    // A wall that is rigid and seen from behind is hidden by itself.
-                    if to.moved.is_none() && crossing.normal.dot(way) >= 0.0 {
-                        unseen[n] = HIDDEN;
-                        continue;
-                    }
-                    let met = eye.first(way / mm);
-                    unseen[n] = if met.is_none_or(|met| met >= mm - same_mm) { 0 } else { HIDDEN };
+impl Band<'_> {
+    /// Measures the flow of the pixels to the frames before and after, what of them is not seen there, and how far the tissue has moved.
+    pub(super) fn flow(&mut self, subject: &Subject<'_>, eyes: &Eyes<'_>) {
+        for k in 0..2 {
+            if !self.flow[k].is_empty() {
+                self.flow[k].fill([f32::NAN; 2]);
+                self.unseen[k].fill(OUTSIDE);
+                if let (Some(to), Some(eye)) = (&subject.neighbours[k], &eyes.near[k]) {
+                    self.flow_to(k, to, eye);
                 }
             }
         }
-        Ok(())
-    })
+        let moved = subject.neighbours[1].and_then(|n| n.moved);
+        for (n, found) in self.crossings.iter().enumerate() {
+            set(self.scene, n, || {
+                found.zip(moved).map_or([f32::NAN; 3], |(c, moved)| (moved(c.place) - c.place).as_vec3().to_array())
+            });
+        }
+    }
+
+    fn flow_to(&mut self, which: usize, to: &Neighbour<'_>, eye: &RaysFrom<'_>) {
+        // A deformed scan is interpolated twice.
+        let same_mm = if to.moved.is_some() { DEFORMED_MM } else { SAME_MM };
+        let size = [to.view.width() as f64, to.view.height() as f64];
+        for square in self.squares() {
+            let (mut directions, mut ends) = ([[0.0; 16]; 3], [0.0; 16]);
+            for (k, n) in square.iter().enumerate() {
+                let Some((n, crossing)) = n.and_then(|n| Some((n, self.crossings[n]?))) else { continue };
+                let place = to.moved.map_or(crossing.place, |moved| moved(crossing.place));
+                let Some([u, v]) = to.view.project(place) else { continue };
+                let (own_u, own_v) = ((n % self.width) as f64 + 0.5, (self.top + n / self.width) as f64 + 0.5);
+                let is_inside = (0.0..size[0]).contains(&u) && (0.0..size[1]).contains(&v);
+                // The polynomial of a calibration means nothing beyond its picture.
+                if is_inside || to.view.pixel().is_some() {
+                    self.flow[which][n] = [(u - own_u) as f32, (v - own_v) as f32];
+                }
+                // Within the picture of a pinhole every point has a ray.
+                if !is_inside || (to.view.pixel().is_none() && to.view.ray_at(u, v).is_none()) {
+                    continue;
+                }
+                let way = place - to.view.position();
+                let mm = way.length();
+                // A wall that is rigid and seen from behind is hidden by itself.
+                if to.moved.is_none() && self.facing[n].as_dvec3().dot(way) >= 0.0 {
+                    self.unseen[which][n] = HIDDEN;
+                    continue;
+                }
+                self.unseen[which][n] = 0;
+                (directions[0][k], directions[1][k], directions[2][k]) = (way.x / mm, way.y / mm, way.z / mm);
+                ends[k] = mm - same_mm;
+            }
+            let met = eye.sixteen(&directions, &ends);
+            for (k, n) in square.into_iter().enumerate() {
+                if let Some(n) = n.filter(|_| met[k] < ends[k]) {
+                    self.unseen[which][n] = HIDDEN;
+                }
+            }
+        }
+    }
 }

@@ -4,12 +4,15 @@
 //! scan's: mm, LPS.
 
 mod along;
+mod band;
 mod crossing;
 mod flow;
 mod lattice;
 #[cfg(test)]
 mod tests;
+mod trace;
 
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
@@ -25,7 +28,7 @@ use crate::progress::Progress;
 use crate::render::View;
 use crate::render::leap::Crossings;
 use crate::space::PreparedVolume;
-use crossing::{SIDE, crossings};
+use band::{Eyes, bands};
 
 /// A kind of ground truth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
@@ -142,63 +145,58 @@ impl Truth {
     /// # Errors
     /// Returns status 4 if interrupted.
     pub fn measure(&mut self, subject: Subject<'_>, kinds: &[Kind], progress: &Progress) -> Result<()> {
-        let has = |kind| kinds.contains(&kind);
-        let begun = Instant::now();
-        let found = crossings(subject.volume, subject.rays, subject.view, subject.tissue, progress)?;
-        let (view, eye) = (subject.view, subject.view.position());
-        fill(&mut self.depth, has(Kind::Depth), &found, |_, c| c.map_or(f32::INFINITY, |c| c.mm as f32));
-        fill(&mut self.z, has(Kind::Z), &found, |_, c| {
-            c.map_or(f32::INFINITY, |c| (c.place - eye).dot(view.forward()) as f32)
-        });
-        let unit = |c: &Crossing| c.normal.as_vec3().to_array();
-        fill(&mut self.normals, has(Kind::Normals), &found, |_, c| c.map_or([f32::NAN; 3], unit));
-        fill(&mut self.shading, has(Kind::Shading), &found, |_, c| c.map_or(0.0, |c| c.headlight(eye) as f32));
-        let crossed = begun.elapsed();
-        for (n, neighbour) in subject.neighbours.into_iter().enumerate() {
-            let (flow, unseen) = (&mut self.flow[n], &mut self.unseen[n]);
-            if has(Kind::Flow) {
-                flow::measure(view, neighbour, &found, (flow, unseen), progress)?;
-            } else {
-                flow.clear();
-                unseen.clear();
-            }
-        }
-        let moved = subject.neighbours[1].and_then(|n| n.moved).filter(|_| has(Kind::Flow));
-        fill(&mut self.scene, moved.is_some(), &found, |_, c| {
-            c.zip(moved).map_or([f32::NAN; 3], |(c, moved)| (moved(c.place) - c.place).as_vec3().to_array())
-        });
-        let flowed = begun.elapsed();
-        let rings = subject.rings.filter(|_| has(Kind::Along) || has(Kind::Labels));
-        let mut along = Vec::new();
-        fill(&mut along, has(Kind::Along) || has(Kind::Labels), &found, |_, c| {
-            c.and_then(|c| Some(rings?.of(c.tissue)?.map(|x| x as f32))).unwrap_or([f32::NAN; 3])
-        });
-        fill(&mut self.labels, has(Kind::Labels), &found, |n, c| {
-            let mm = along[n][0];
-            let label =
-                |c: &Crossing| Some(subject.labeller?.label(c.tissue, c.normal, mm.is_finite().then_some(mm.into())));
-            c.and_then(label).unwrap_or_default()
-        });
-        self.along = if has(Kind::Along) { along } else { Vec::new() };
-        self.crossings = found;
-        self.times = Times { crossings: crossed, flow: flowed - crossed, anatomy: begun.elapsed() - flowed };
+        let (begun, clock) = (Instant::now(), Clock::default());
+        let is_moving = subject.neighbours[1].is_some_and(|n| n.moved.is_some());
+        self.resize(subject.view.width() * subject.view.height(), kinds, is_moving);
+        let eyes = Eyes::of(&subject);
+        bands(self, subject.view.width()).into_par_iter().try_for_each(|mut band| {
+            progress.check()?;
+            let start = Instant::now();
+            band.cross(&subject, &eyes);
+            let crossed = Instant::now();
+            band.flow(&subject, &eyes);
+            let flowed = Instant::now();
+            band.anatomy(&subject);
+            clock.add([crossed - start, flowed - crossed, flowed.elapsed()]);
+            Ok(())
+        })?;
+        self.times = clock.shares(begun.elapsed());
         progress.check()
+    }
+
+    /// Makes room for `kinds` of so many pixels, and empties all others.
+    fn resize(&mut self, count: usize, kinds: &[Kind], is_moving: bool) {
+        let room = |kinds_of: &[Kind]| if kinds_of.iter().any(|k| kinds.contains(k)) { count } else { 0 };
+        let flow = room(&[Kind::Flow]);
+        self.crossings.resize(count, None);
+        self.depth.resize(room(&[Kind::Depth]), 0.0);
+        self.z.resize(room(&[Kind::Z]), 0.0);
+        self.normals.resize(room(&[Kind::Normals]), [0.0; 3]);
+        self.shading.resize(room(&[Kind::Shading]), 0.0);
+        self.labels.resize(room(&[Kind::Labels]), [0; 2]);
+        self.along.resize(room(&[Kind::Along]), [0.0; 3]);
+        self.flow.iter_mut().for_each(|f| f.resize(flow, [0.0; 2]));
+        self.unseen.iter_mut().for_each(|u| u.resize(flow, 0));
+        self.scene.resize(if is_moving { flow } else { 0 }, [0.0; 3]);
     }
 }
 
-/// Fills a list with what `of` returns for each pixel, or empties it.
-fn fill<T: Send + Copy + Default>(
-    out: &mut Vec<T>,
-    is_wanted: bool,
-    found: &[Option<Crossing>],
-    of: impl Fn(usize, Option<&Crossing>) -> T + Sync,
-) {
-    out.clear();
-    if is_wanted {
-        out.resize(found.len(), T::default());
-        let each = SIDE * SIDE * 16;
-        out.par_chunks_mut(each).zip(found.par_chunks(each)).enumerate().for_each(|(n, (out, found))| {
-            out.iter_mut().zip(found).enumerate().for_each(|(k, (out, c))| *out = of(n * each + k, c.as_ref()));
-        });
+/// Time that all threads together have spent on each part, ns.
+#[derive(Default)]
+struct Clock([AtomicU64; 3]);
+
+impl Clock {
+    fn add(&self, times: [Duration; 3]) {
+        for (sum, time) in self.0.iter().zip(times) {
+            sum.fetch_add(time.as_nanos() as u64, Ordering::Relaxed);
+        }
+    }
+
+    /// Returns the parts' shares of the time that a frame took.
+    fn shares(self, whole: Duration) -> Times {
+        let spent = self.0.map(|ns| ns.into_inner() as f64);
+        let all = spent.iter().sum::<f64>().max(1.0);
+        let [crossings, flow, anatomy] = spent.map(|ns| whole.mul_f64(ns / all));
+        Times { crossings, flow, anatomy }
     }
 }

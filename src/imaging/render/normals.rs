@@ -10,7 +10,7 @@ use crate::space::PreparedVolume;
 use crate::volume::cell::Cell;
 
 /// How far before a crossing the cell is looked up, voxels: a crossing on a face belongs to the cell that the ray comes from.
-const BEFORE: f64 = 1e-7;
+pub(super) const BEFORE: f64 = 1e-7;
 
 /// Fills `normals` with the normal of the wall that every pixel of `view` shows, row by row: world, of unit length, towards the gas.
 ///

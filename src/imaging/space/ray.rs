@@ -200,7 +200,7 @@ fn unit(direction: DVec3) -> DVec3 {
 }
 
 /// Components slower than this (voxels/mm) count as zero: even 10⁹ mm of path would move by less than a millionth of a voxel.
-const STILL: f64 = 1e-15;
+pub(crate) const STILL: f64 = 1e-15;
 
 /// Returns the distances at which the ray `from + t · along` (voxel coordinates) enters and leaves the volume grown by
 /// one voxel, or `None` if it misses the volume or the volume is behind it. The first is never negative.
@@ -345,7 +345,7 @@ impl<'a> Walk<'a> {
 }
 
 /// A ray that stays this far below the wall's value throughout a cell does not touch it there, HU: far above rounding.
-const BESIDE: f64 = 1e-6;
+pub(crate) const BESIDE: f64 = 1e-6;
 
 /// A ray for those who know which cells to look into.
 #[derive(Clone, Copy)]

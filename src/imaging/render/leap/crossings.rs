@@ -4,22 +4,28 @@
 
 use std::array::from_fn;
 
+use fearless_simd::Level;
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::chessboard::{FAR, Outside, chessboard};
 use crate::progress::Progress;
+use crate::render::packets::lanes::Voxels;
 use crate::space::PreparedVolume;
 use crate::space::ray::{Segment, clip, trilinear};
+
+/// The most voxels along an axis for which sixteen rays' positions in single precision are good enough.
+const MOST_CELLS: usize = 2048;
 
 /// Where each ray of many first crosses the wall, and the memory that this takes: a byte for each voxel.
 #[derive(Clone, Debug)]
 pub struct Crossings {
-    volume: PreparedVolume,
+    pub(super) volume: PreparedVolume,
     /// For each cell from −1 on, x fastest: king's moves to the nearest one that may hold wall.
-    free: Vec<u8>,
+    pub(super) free: Vec<u8>,
     /// Number of cells along each axis.
-    dims: [usize; 3],
+    pub(super) dims: [usize; 3],
+    pub(super) level: Level,
 }
 
 impl Crossings {
@@ -50,7 +56,7 @@ impl Crossings {
         })?;
         progress.check()?;
         chessboard(&mut free, dims, Outside::Unmarked);
-        Ok(Self { volume: volume.clone(), free, dims })
+        Ok(Self { volume: volume.clone(), free, dims, level: Level::new() })
     }
 
     /// Returns the rays from a point (world, mm).
@@ -61,7 +67,10 @@ impl Crossings {
             from.cmpge(DVec3::NEG_ONE).all() && from.cmple(DVec3::from_array(grid.dims().map(|n| n as f64))).all();
         let is_wall =
             is_near && trilinear(self.volume.voxels(), from) >= self.volume.transfer().iso() - crate::space::ray::TOUCH;
-        RaysFrom { crossings: self, origin, from, is_near, is_wall }
+        // Sixteen rays at once need positions in single precision, and places of voxels in 32 bits.
+        let is_small = grid.dims().iter().all(|&n| n <= MOST_CELLS);
+        let voxels = Voxels::new(self.volume.voxels()).filter(|_| is_small && is_near && !is_wall);
+        RaysFrom { crossings: self, origin, from, is_near, is_wall, voxels }
     }
 
     /// Returns the distance in mm from `origin` along `direction` (world; of unit length) to the wall: 0 if the origin is in it, `None` if
@@ -70,13 +79,14 @@ impl Crossings {
         self.from(origin).first(direction)
     }
 
-    /// Leaps from cell to cell. Each leap leaves the cells that are known to be free; none moves back.
-    fn walk(&self, from: DVec3, along: DVec3, exit: f64) -> Option<f64> {
+    /// Leaps from cell to cell from `begin` on, before which there is no wall. Each leap leaves the cells that are known to be free; none
+    /// moves back.
+    pub(super) fn walk(&self, from: DVec3, along: DVec3, (begin, exit): (f64, f64)) -> Option<f64> {
         let segment = Segment::new(&self.volume, from, along);
         let inverse = along.recip();
         let last: [i64; 3] = from_fn(|a| self.dims[a] as i64 - 2);
-        let mut cell: [i64; 3] = from_fn(|a| floor(from[a]).clamp(-1, last[a]));
-        let mut t = 0.0f64;
+        let mut cell: [i64; 3] = from_fn(|a| floor(from[a] + along[a] * begin).clamp(-1, last[a]));
+        let mut t = begin;
         loop {
             let [i, j, k] = cell.map(|c| (c + 1) as usize);
             let free = self.free[i + self.dims[0] * (j + self.dims[1] * k)];
@@ -118,19 +128,21 @@ impl Crossings {
 /// Rays from one point.
 #[derive(Clone, Copy, Debug)]
 pub struct RaysFrom<'a> {
-    crossings: &'a Crossings,
-    origin: DVec3,
+    pub(super) crossings: &'a Crossings,
+    pub(super) origin: DVec3,
     /// The same in voxels.
-    from: DVec3,
+    pub(super) from: DVec3,
     /// True within the volume or less than a voxel beside it.
     is_near: bool,
-    is_wall: bool,
+    pub(super) is_wall: bool,
+    /// For sixteen rays at once, if they can be.
+    pub(super) voxels: Option<Voxels<'a>>,
 }
 
 impl RaysFrom<'_> {
     /// Returns the distance in mm along `direction` (world; of unit length) to the wall, as [`Crossings::first`].
     pub fn first(&self, direction: DVec3) -> Option<f64> {
-        let Self { crossings, origin, from, is_near, is_wall } = *self;
+        let Self { crossings, origin, from, is_near, is_wall, .. } = *self;
         if !is_near {
             return crate::space::first_crossing(&crossings.volume, origin, direction, f64::INFINITY);
         }
@@ -140,7 +152,7 @@ impl RaysFrom<'_> {
         let grid = crossings.volume.voxels().grid();
         let along = grid.to_voxel().transform_vector3(direction);
         let (_, exit) = clip(grid.dims(), from, along).filter(|_| along.is_finite())?;
-        crossings.walk(from, along, exit)
+        crossings.walk(from, along, (0.0, exit))
     }
 }
 

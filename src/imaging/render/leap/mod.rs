@@ -8,6 +8,8 @@ pub(crate) mod bricks;
 pub(crate) mod chessboard;
 pub(crate) mod chosen;
 pub(crate) mod crossings;
+mod facing;
+mod sixteen;
 pub(crate) mod voxels;
 
 use glam::Vec3;
@@ -19,6 +21,8 @@ use crate::space::flags::BRICK_SHIFT;
 pub use bricks::{BrickLeap, BrickWalls};
 pub use chosen::Leaper;
 pub use crossings::{Crossings, RaysFrom};
+pub use facing::Facing;
+pub use sixteen::Directions;
 pub use voxels::{VoxelLeap, VoxelWalls};
 
 /// Positions are computed in f32, so reported clearances are this much less than the known ones, voxels.

@@ -22,6 +22,7 @@ const _: () =
     assert!(size_of::<Line<u64, 8>>() == 2 * PIECES as usize && size_of::<Line<u8, 64>>() == 2 * PIECES as usize);
 
 /// Voxels whose pairs can be gathered: at least two along each axis and no more than an `i32` can count.
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Voxels<'a> {
     data: &'a [i16],
     /// For each axis, the last cell with all corners in the volume: voxels − 1. The first is 1.

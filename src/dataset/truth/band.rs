@@ -1,0 +1,105 @@
+//! Rows of a frame that a thread measures by itself.
+
+use std::iter::repeat_with;
+
+use glam::Vec3;
+
+use super::{Crossing, Subject, Truth};
+use crate::render::leap::RaysFrom;
+
+/// Side of the squares of pixels whose rays are traced at once.
+pub(super) const SIDE: usize = 4;
+/// Rows of a band. Neighbouring rays visit the same voxels while they are in the cache.
+const ROWS: usize = 2 * SIDE;
+
+/// The rays from the cameras of a frame, and of those before and after it.
+pub(super) struct Eyes<'a> {
+    pub own: RaysFrom<'a>,
+    pub near: [Option<RaysFrom<'a>>; 2],
+}
+
+impl<'a> Eyes<'a> {
+    pub(super) fn of(subject: &Subject<'a>) -> Self {
+        Self {
+            own: subject.rays.from(subject.view.position()),
+            near: subject.neighbours.map(|n| n.map(|n| n.rays.from(n.view.position()))),
+        }
+    }
+}
+
+/// The rows of each part of a frame's truth; what is not asked for is empty.
+pub(super) struct Band<'a> {
+    /// Number of the first row.
+    pub top: usize,
+    pub width: usize,
+    pub crossings: &'a mut [Option<Crossing>],
+    /// The wall's normals, whether or not they are asked for.
+    pub facing: Vec<Vec3>,
+    pub depth: &'a mut [f32],
+    pub z: &'a mut [f32],
+    pub normals: &'a mut [[f32; 3]],
+    pub shading: &'a mut [f32],
+    pub flow: [&'a mut [[f32; 2]]; 2],
+    pub unseen: [&'a mut [u8]; 2],
+    pub scene: &'a mut [[f32; 3]],
+    pub labels: &'a mut [[u8; 2]],
+    pub along: &'a mut [[f32; 3]],
+}
+
+/// Returns the bands of a frame, from top to bottom.
+pub(super) fn bands(truth: &mut Truth, width: usize) -> Vec<Band<'_>> {
+    fn parts<T>(all: &mut [T], each: usize) -> impl Iterator<Item = &mut [T]> {
+        all.chunks_mut(each).chain(repeat_with(Default::default))
+    }
+    let each = ROWS * width.max(1);
+    let count = truth.crossings.len().div_ceil(each);
+    let [before, after] = &mut truth.flow;
+    let [unseen_before, unseen_after] = &mut truth.unseen;
+    let mut crossings = parts(&mut truth.crossings, each);
+    let (mut depth, mut z) = (parts(&mut truth.depth, each), parts(&mut truth.z, each));
+    let (mut normals, mut shading) = (parts(&mut truth.normals, each), parts(&mut truth.shading, each));
+    let (mut before, mut after) = (parts(before, each), parts(after, each));
+    let (mut unseen_before, mut unseen_after) = (parts(unseen_before, each), parts(unseen_after, each));
+    let (mut scene, mut labels) = (parts(&mut truth.scene, each), parts(&mut truth.labels, each));
+    let mut along = parts(&mut truth.along, each);
+    let mut band = |n: usize| {
+        Some(Band {
+            top: n * ROWS,
+            width,
+            crossings: crossings.next()?,
+            facing: Vec::new(),
+            depth: depth.next()?,
+            z: z.next()?,
+            normals: normals.next()?,
+            shading: shading.next()?,
+            flow: [before.next()?, after.next()?],
+            unseen: [unseen_before.next()?, unseen_after.next()?],
+            scene: scene.next()?,
+            labels: labels.next()?,
+            along: along.next()?,
+        })
+    };
+    (0..count).map_while(&mut band).collect()
+}
+
+impl Band<'_> {
+    /// Calls `square` with the left column, the first row within the band, and the pixels within the band of each square of
+    /// [`SIDE`] × [`SIDE`] pixels: row by row, `None` beyond the picture.
+    pub(super) fn squares(&self) -> impl Iterator<Item = [Option<usize>; 16]> + use<> {
+        let (width, rows) = (self.width, self.crossings.len() / self.width.max(1));
+        let square = move |top: usize, left: usize| {
+            std::array::from_fn(|k| {
+                let (x, y) = (left + k % SIDE, top + k / SIDE);
+                (x < width && y < rows).then_some(y * width + x)
+            })
+        };
+        (0..rows).step_by(SIDE).flat_map(move |top| (0..width).step_by(SIDE).map(move |left| square(top, left)))
+    }
+}
+
+/// Sets an entry of what was asked for.
+pub(super) fn set<T>(all: &mut [T], n: usize, value: impl FnOnce() -> T) {
+    if let Some(own) = all.get_mut(n) {
+        *own = value();
+    }
+}

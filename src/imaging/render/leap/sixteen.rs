@@ -1,0 +1,459 @@
+//! Sixteen exact crossings at once, for rays from one point that lie close together.
+//!
+//! All rays leap together in single precision until they come to a cell in which the value along them comes near the wall's. What they
+//! pass over is free of wall for certain: positions are wrong by less than a thousandth of a voxel, over which the value changes by less
+//! than [`MARGIN`]. In the cell that is left the crossing is that of [`first_crossing`](crate::space::first_crossing): the first root of
+//! the cubic between the planes where the ray enters and leaves the cell, in double precision. Where the value rises throughout the cell,
+//! eight roots are found at once by Newton's method from the chord; the few other rays go on one by one.
+//!
+//! There are no fused multiplications, so every SIMD level gives the same bits.
+
+use std::array::from_fn;
+
+use fearless_simd::{Simd, f32x16, f64x8, i32x16, mask32x16, prelude::*};
+use glam::DVec3;
+
+use super::crossings::RaysFrom;
+use crate::render::packets::lanes::{Corners, Voxels};
+use crate::space::ray::{BESIDE, STILL, TOUCH, clip};
+
+/// Sixteen directions: x, y and z of all.
+pub type Directions = [[f64; 16]; 3];
+
+/// How far a leap goes beyond the plane that it ends at, voxels. It is above the rounding of distances, so that all rays move on.
+const BEYOND: f64 = 3e-4;
+/// A ray may meet the wall in a cell if the value along it comes this near, HU: no value that 16 bits of HU hold changes more over what
+/// positions are wrong by, unless the difference between two voxels is above 4000 HU.
+const MARGIN: f32 = 4.0;
+/// Axes along which single precision moves slower than this count as at rest, voxels/mm.
+const STILL_32: f32 = 1e-12;
+/// The most steps of Newton's method. More are needed only where the cubic is steep, by rays one by one.
+const STEPS: usize = 8;
+
+/// Sixteen rays on their way, in voxels.
+struct Rays {
+    along: Directions,
+    /// Distances at which they end, mm: at most where they leave the volume.
+    ends: [f64; 16],
+    /// The rays that are looked at.
+    wanted: [i32; 16],
+}
+
+/// The same in single precision.
+struct Way<S: Simd> {
+    along: [f32x16<S>; 3],
+    inverse: [f32x16<S>; 3],
+}
+
+impl RaysFrom<'_> {
+    /// Returns the distance in mm along each of sixteen directions (world; of unit length) to the wall, as [`RaysFrom::first`]; infinite
+    /// where there is none within `ends`, mm. An end of 0 or less tells that a ray is not asked for.
+    pub fn sixteen(&self, directions: &Directions, ends: &[f64; 16]) -> [f64; 16] {
+        let one = |k: usize| DVec3::new(directions[0][k], directions[1][k], directions[2][k]);
+        let alone = |k: usize| self.first(one(k)).filter(|mm| *mm <= ends[k]).unwrap_or(f64::INFINITY);
+        let is_asked = |k: usize| ends[k] > 0.0;
+        let (Some(voxels), false) = (&self.voxels, self.is_wall) else {
+            return from_fn(|k| if is_asked(k) { alone(k) } else { f64::INFINITY });
+        };
+        fearless_simd::dispatch!(self.crossings.level, simd => self.leap(simd, voxels, directions, ends))
+    }
+
+    #[inline(always)]
+    fn rays(&self, directions: &Directions, ends: &[f64; 16]) -> Rays {
+        let grid = self.crossings.volume.voxels().grid();
+        let mut rays = Rays { along: [[0.0; 16]; 3], ends: [0.0; 16], wanted: [0; 16] };
+        for k in 0..16 {
+            let direction = DVec3::new(directions[0][k], directions[1][k], directions[2][k]);
+            let along = grid.to_voxel().transform_vector3(direction);
+            let exit = clip(grid.dims(), self.from, along).filter(|_| along.is_finite() && ends[k] > 0.0);
+            let Some((_, exit)) = exit else { continue };
+            (rays.along[0][k], rays.along[1][k], rays.along[2][k]) = (along.x, along.y, along.z);
+            (rays.ends[k], rays.wanted[k]) = (exit.min(ends[k]), 1);
+        }
+        rays
+    }
+
+    #[inline(always)]
+    fn leap<S: Simd>(&self, simd: S, voxels: &Voxels<'_>, directions: &Directions, ends: &[f64; 16]) -> [f64; 16] {
+        let rays = self.rays(directions, ends);
+        let mut out = [f64::INFINITY; 16];
+        let single = |a: &[f64; 16]| f32x16::from_fn(simd, |k| a[k] as f32);
+        // An axis at rest becomes one along which the ray moves by nothing that matters.
+        let least = f32x16::splat(simd, STILL_32);
+        let along = [0, 1, 2].map(|a| {
+            let along = single(&rays.along[a]);
+            along.abs().simd_lt(STILL_32).select(least, along)
+        });
+        let way = Way { along, inverse: along.map(|a| f32x16::splat(simd, 1.0) / a) };
+        let beyond = f32x16::splat(simd, BEYOND as f32) / along[0].abs().max(along[1].abs()).max(along[2].abs());
+        let end = single(&rays.ends) * 1.000_001 + beyond;
+        let mut active = i32x16::from_fn(simd, |k| rays.wanted[k]).simd_eq(1);
+        let mut t = f32x16::splat(simd, 0.0);
+        loop {
+            let found = self.next_cells(simd, voxels, &way, (&mut t, &mut active), (beyond, end));
+            if !found.any_true() {
+                return out;
+            }
+            let (cell, _) = self.place(simd, &way, t);
+            let done = self.exact(simd, voxels, (&rays, cell, found), &mut out);
+            // Where there is no crossing in the cell, the walk goes on behind it.
+            active = found & !done;
+            let next = self.reach(&way, cell, f32x16::splat(simd, 0.0));
+            t = active.select(next.max(t) + beyond, t);
+            active &= t.simd_lt(end);
+        }
+    }
+
+    /// Returns the cells that the rays are in at `t`, and their positions, voxels.
+    #[inline(always)]
+    fn place<S: Simd>(&self, simd: S, way: &Way<S>, t: f32x16<S>) -> ([f32x16<S>; 3], [f32x16<S>; 3]) {
+        let from = self.from.as_vec3().to_array();
+        let at = [way.along[0] * t + from[0], way.along[1] * t + from[1], way.along[2] * t + from[2]];
+        let last = self.crossings.dims.map(|n| n as f32 - 2.0);
+        let least = f32x16::splat(simd, -1.0);
+        (
+            [
+                at[0].floor().max(least).min(last[0]),
+                at[1].floor().max(least).min(last[1]),
+                at[2].floor().max(least).min(last[2]),
+            ],
+            at,
+        )
+    }
+
+    /// Returns where the rays leave the cells around theirs, `reach` king's moves in every direction, mm.
+    #[inline(always)]
+    fn reach<S: Simd>(&self, way: &Way<S>, cell: [f32x16<S>; 3], reach: f32x16<S>) -> f32x16<S> {
+        let from = self.from.as_vec3().to_array();
+        let half = reach + 0.5;
+        let leave = |a: usize| (cell[a] - (from[a] - 0.5)) * way.inverse[a] + half * way.inverse[a].abs();
+        leave(0).min(leave(1)).min(leave(2))
+    }
+
+    /// Leaps on from `t` until each ray that is active is in a cell where it may meet the wall, or at its end. Returns those in a cell;
+    /// none is active any more.
+    #[inline(always)]
+    fn next_cells<S: Simd>(
+        &self,
+        simd: S,
+        voxels: &Voxels<'_>,
+        way: &Way<S>,
+        (t, active): (&mut f32x16<S>, &mut mask32x16<S>),
+        (beyond, end): (f32x16<S>, f32x16<S>),
+    ) -> mask32x16<S> {
+        let [nx, ny, _] = self.crossings.dims.map(|n| n as i32);
+        let free = &self.crossings.free[..];
+        let mut found = *active & !*active;
+        while active.any_true() {
+            let (cell, at) = self.place(simd, way, *t);
+            let [x, y, z] = [
+                cell[0].to_int::<i32x16<S>>() + 1,
+                cell[1].to_int::<i32x16<S>>() + 1,
+                cell[2].to_int::<i32x16<S>>() + 1,
+            ];
+            let index = (x + (y + z * ny) * nx).to_array();
+            // Every cell is one of the list's: they were kept within it.
+            let moves = i32x16::from_fn(simd, |k| i32::from(free.get(index[k] as usize).copied().unwrap_or(0)));
+            let reach = (moves.max(1) - 1).to_float::<f32x16<S>>();
+            let next = self.reach(way, cell, reach);
+            let next = next.max(*t);
+            let beside = *active & moves.simd_eq(0);
+            if beside.any_true() {
+                let length = next - *t;
+                let inside = [at[0] - cell[0], at[1] - cell[1], at[2] - cell[2]];
+                let step = way.along.map(|s| s * length);
+                let near = beside & self.comes_near(simd, voxels, ([x, y, z], beside), inside, step);
+                found |= near;
+                *active &= !near;
+            }
+            *t = active.select(next + beyond, *t);
+            *active &= t.simd_lt(end);
+        }
+        found
+    }
+
+    /// Returns the lanes on whose way through their cells the value may come near the wall's, and those whose cells leave the volume.
+    #[inline(always)]
+    fn comes_near<S: Simd>(
+        &self,
+        simd: S,
+        voxels: &Voxels<'_>,
+        (g, wanted): ([i32x16<S>; 3], mask32x16<S>),
+        at: [f32x16<S>; 3],
+        step: [f32x16<S>; 3],
+    ) -> mask32x16<S> {
+        let last = voxels.last();
+        let one = i32x16::splat(simd, 1);
+        let inner = |a: usize| g[a].simd_ge(one) & g[a].simd_le(last[a]);
+        let within = inner(0) & inner(1) & inner(2);
+        let [a, b, c, d, e, f, g, h] = apart(voxels.corners(simd, g, wanted & within));
+        let iso = self.crossings.volume.transfer().iso() as f32;
+        let (k1, k2, k3) = (b - a, c - a, e - a);
+        let (k4, k5, k6) = (d - c - k1, f - e - k1, g - e - k2);
+        let k7 = (h - g) - (f - e) - (d - c) + k1;
+        let ([u, v, w], [du, dv, dw]) = (at, step);
+        let (uv1, uv2) = (u * dv + v * du, du * dv);
+        let (uw1, uw2) = (u * dw + w * du, du * dw);
+        let (vw1, vw2) = (v * dw + w * dv, dv * dw);
+        let c0 = a + k1 * u + k2 * v + k3 * w + k4 * u * v + k5 * u * w + k6 * v * w + k7 * u * v * w;
+        let c1 = k1 * du + k2 * dv + k3 * dw + k4 * uv1 + k5 * uw1 + k6 * vw1 + k7 * (u * v * dw + uv1 * w);
+        let c2 = k4 * uv2 + k5 * uw2 + k6 * vw2 + k7 * (uv1 * dw + uv2 * w);
+        let c3 = k7 * uv2 * dw;
+        // The cubic stays within the hull of its Bernstein coefficients.
+        let (low, high) = (c0 + c1 * (1.0 / 3.0), c0 + (c1 * 2.0 + c2) * (1.0 / 3.0));
+        let most = c0.max(low).max(high).max(c0 + c1 + c2 + c3);
+        most.simd_ge(iso - MARGIN) | !within
+    }
+
+    /// Finds the crossings of the rays `found` within their cells. Returns the rays that are done.
+    #[inline(always)]
+    fn exact<S: Simd>(
+        &self,
+        simd: S,
+        voxels: &Voxels<'_>,
+        (rays, cell, found): (&Rays, [f32x16<S>; 3], mask32x16<S>),
+        out: &mut [f64; 16],
+    ) -> mask32x16<S> {
+        let g =
+            [cell[0].to_int::<i32x16<S>>() + 1, cell[1].to_int::<i32x16<S>>() + 1, cell[2].to_int::<i32x16<S>>() + 1];
+        let corners = apart(voxels.corners(simd, g, found)).map(|c| c.widen());
+        let cells = cell.map(|c| c.widen());
+        let (found, last) = (found.select(i32x16::splat(simd, 1), i32x16::splat(simd, 0)).to_array(), voxels.last());
+        let g = g.map(|g| g.to_array());
+        let mut done = [0; 16];
+        for half in 0..2 {
+            let pick = |(low, high): (f64x8<S>, f64x8<S>)| if half == 0 { low } else { high };
+            let at = 8 * half;
+            let of = |all: &[f64; 16]| f64x8::from_slice(simd, &all[at..at + 8]);
+            let cell = [pick(cells[0]), pick(cells[1]), pick(cells[2])];
+            let along = [of(&rays.along[0]), of(&rays.along[1]), of(&rays.along[2])];
+            let root = self.roots(simd, corners.map(pick), cell, along, of(&rays.ends));
+            for k in 0..8 {
+                let n = at + k;
+                if found[n] == 0 {
+                    continue;
+                }
+                let is_inner = (0..3).all(|a| g[a][n] >= 1 && g[a][n] <= last[a]);
+                if is_inner && root.is_found[k] != 0.0 {
+                    (out[n], done[n]) = (root.at[k], 1);
+                } else if !(is_inner && root.is_passed[k] != 0.0) {
+                    out[n] = self.alone(rays, n, root.enter[k]);
+                    done[n] = 1;
+                }
+            }
+        }
+        i32x16::load_array_ref(simd, &done).simd_eq(1)
+    }
+
+    /// Returns the crossing of a ray from the cell on that it enters at `enter`.
+    #[cold]
+    fn alone(&self, rays: &Rays, n: usize, enter: f64) -> f64 {
+        let along = DVec3::new(rays.along[0][n], rays.along[1][n], rays.along[2][n]);
+        let back = 4.0 * BEYOND / along.abs().max_element();
+        let begin = (enter - back).clamp(0.0, rays.ends[n]);
+        self.crossings.walk(self.from, along, (begin, rays.ends[n])).unwrap_or(f64::INFINITY)
+    }
+
+    /// Finds the first root in eight cells.
+    #[inline(always)]
+    fn roots<S: Simd>(
+        &self,
+        simd: S,
+        [a, b, c, d, e, f, g, h]: [f64x8<S>; 8],
+        cell: [f64x8<S>; 3],
+        along: [f64x8<S>; 3],
+        ends: f64x8<S>,
+    ) -> Roots {
+        let from = self.from.to_array();
+        let splat = |x: f64| f64x8::splat(simd, x);
+        let (zero, one, far) = (splat(0.0), splat(1.0), splat(f64::INFINITY));
+        let (mut enter, mut exit) = (zero, ends);
+        for n in 0..3 {
+            let inverse = one / along[n];
+            let low = (cell[n] - from[n]) * inverse;
+            let high = (cell[n] + 1.0 - from[n]) * inverse;
+            let is_still = along[n].abs().simd_lt(STILL);
+            let (near, away) = (low.min(high), low.max(high));
+            enter = enter.max(is_still.select(-far, near));
+            exit = exit.min(is_still.select(far, away));
+        }
+        let length = exit - enter;
+        let [u, v, w] = [0, 1, 2].map(|n| along[n] * enter + from[n] - cell[n]);
+        let [du, dv, dw] = along.map(|s| s * length);
+        let (k1, k2, k3) = (b - a, c - a, e - a);
+        let (k4, k5, k6) = (d - c - b + a, f - e - b + a, g - e - c + a);
+        let k7 = h - g - f + e - d + c + b - a;
+        let (uv1, uv2) = (u * dv + v * du, du * dv);
+        let (uw1, uw2) = (u * dw + w * du, du * dw);
+        let (vw1, vw2) = (v * dw + w * dv, dv * dw);
+        let c0 = a + k1 * u + k2 * v + k3 * w + k4 * u * v + k5 * u * w + k6 * v * w + k7 * u * v * w
+            - self.crossings.volume.transfer().iso();
+        let c1 = k1 * du + k2 * dv + k3 * dw + k4 * uv1 + k5 * uw1 + k6 * vw1 + k7 * (u * v * dw + uv1 * w);
+        let c2 = k4 * uv2 + k5 * uw2 + k6 * vw2 + k7 * (uv1 * dw + uv2 * w);
+        let c3 = k7 * uv2 * dw;
+        let end = c0 + c1 + c2 + c3;
+        let (low, high) = (c0 + c1 * (1.0 / 3.0), c0 + (c1 * 2.0 + c2) * (1.0 / 3.0));
+        let is_below = c0.simd_lt(-BESIDE);
+        let is_beside = c0.max(low).max(high).max(end).simd_lt(-BESIDE);
+        let rises = c1.simd_gt(zero) & (c1 + c2).simd_gt(zero) & (c1 + c2 * 2.0 + c3 * 3.0).simd_gt(zero);
+        let is_missed = length.simd_lt(zero);
+        let is_passed = is_missed | is_beside | (rises & is_below & end.simd_lt(-TOUCH));
+        let mut wanted = rises & is_below & end.simd_ge(zero) & length.simd_ge(zero);
+        let (mut s, mut found) = (c0 / (c0 - end), wanted & !wanted);
+        for _ in 0..STEPS {
+            let value = c0 + s * (c1 + s * (c2 + s * c3));
+            let slope = c1 + s * (c2 * 2.0 + s * c3 * 3.0);
+            let next = s - value / slope;
+            let is_in = next.simd_ge(zero) & next.simd_le(one);
+            let near = (next - s).abs().simd_lt(1e-10);
+            s = wanted.select(next, s);
+            found |= wanted & is_in & near;
+            wanted &= is_in & !near;
+            if !wanted.any_true() {
+                break;
+            }
+        }
+        let at = (enter + s * length).min(exit);
+        Roots {
+            enter: enter.to_array(),
+            at: at.to_array(),
+            is_found: found.select(one, zero).to_array(),
+            is_passed: is_passed.select(one, zero).to_array(),
+        }
+    }
+}
+
+/// Where eight rays cross the wall in a cell.
+struct Roots {
+    /// Distance at which the cell is entered, mm.
+    enter: [f64; 8],
+    /// Distance of the crossing, mm, where it is found.
+    at: [f64; 8],
+    /// 1 where it is.
+    is_found: [f64; 8],
+    /// 1 where there is none for certain. The others are not known.
+    is_passed: [f64; 8],
+}
+
+/// Returns the eight corners of each cell, HU, x fastest.
+#[inline(always)]
+pub(super) fn apart<S: Simd>(corners: Corners<S>) -> [f32x16<S>; 8] {
+    let low = |pair: i32x16<S>| (pair << 16 >> 16).to_float();
+    let high = |pair: i32x16<S>| (pair >> 16).to_float();
+    let [p, q, r, s] = corners;
+    [low(p), high(p), low(q), high(q), low(r), high(r), low(s), high(s)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::hash::Stream;
+    use crate::phantom::Phantom;
+    use crate::progress::Progress;
+    use crate::render::leap::Crossings;
+    use crate::render::normal_at;
+    use crate::render::packets::levels;
+    use crate::space::{PreparedVolume, TransferFunction};
+
+    fn colon() -> (PreparedVolume, Crossings) {
+        let volume = Phantom::embedded(&Progress::new()).unwrap();
+        let volume = PreparedVolume::new(volume.into(), TransferFunction::default());
+        let crossings = Crossings::new(&volume, &Progress::new()).unwrap();
+        (volume, crossings)
+    }
+
+    /// Sixteen directions about one, along an axis for some.
+    fn about(draw: &mut Stream, wide: f64, n: usize) -> Directions {
+        let middle: [f64; 3] = from_fn(|_| draw.within(-1.0, 1.0));
+        let mut one = |k: usize| {
+            let mut d: [f64; 3] = from_fn(|a| middle[a] + draw.within(-wide, wide));
+            (0..3).filter(|a| n % 7 == a + 1 || (n % 11 == a + 1 && k == 3)).for_each(|a| d[a] = 0.0);
+            DVec3::from_array(d).try_normalize().unwrap_or(DVec3::X)
+        };
+        let all: [DVec3; 16] = from_fn(&mut one);
+        from_fn(|a| all.map(|d| d[a]))
+    }
+
+    #[test]
+    fn sixteen_end_where_one_does() {
+        let (volume, crossings) = colon();
+        let grid = volume.voxels().grid();
+        let middle = DVec3::from_array(grid.dims().map(|n| 0.5 * n as f64));
+        let mut draw = Stream::new(6, 0);
+        let (mut hits, mut aside) = (0, 0);
+        for n in 0..4000 {
+            let place = DVec3::from_array(from_fn(|_| draw.within(-1.05, 1.05)));
+            let rays = crossings.from(grid.world(middle + place * middle));
+            let directions = about(&mut draw, [0.0, 0.01, 0.1, 1.0][n % 4], n);
+            let ends = from_fn(|k| if n % 5 == 0 { draw.within(-10.0, 90.0) } else { [f64::INFINITY, 30.0][k % 2] });
+            let found = rays.sixteen(&directions, &ends);
+            for k in 0..16 {
+                let one = DVec3::new(directions[0][k], directions[1][k], directions[2][k]);
+                let alone = rays.first(one).filter(|mm| *mm <= ends[k] && ends[k] > 0.0);
+                let (a, b) = (alone.unwrap_or(f64::INFINITY), found[k]);
+                // At the end itself rounding decides.
+                let is_end = alone.is_none() && (b - ends[k]).abs() < 1e-6;
+                assert!(a == b || (a - b).abs() < 1e-9 || is_end, "{n} {k}: {a} {b} {one} {}", ends[k]);
+                hits += usize::from(alone.is_some_and(|mm| mm > 0.0));
+                aside += usize::from(alone.is_none());
+            }
+        }
+        assert!(hits > 5000 && aside > 5000, "{hits} {aside}");
+    }
+
+    #[test]
+    fn every_level_gives_the_same_bits() {
+        let (volume, mut crossings) = colon();
+        let grid = volume.voxels().grid();
+        let middle = DVec3::from_array(grid.dims().map(|n| 0.5 * n as f64));
+        for n in 0..300 {
+            let mut first = None;
+            for (name, level) in levels() {
+                crossings.level = level;
+                let mut draw = Stream::new(7, n);
+                let place = DVec3::from_array(from_fn(|_| draw.within(-0.9, 0.9)));
+                let rays = crossings.from(grid.world(middle + place * middle));
+                let directions = about(&mut draw, 0.05, n as usize);
+                let found = rays.sixteen(&directions, &[f64::INFINITY; 16]).map(f64::to_bits);
+                let facing = rays.facing(&directions, &found.map(f64::from_bits));
+                let bits = (found, format!("{facing:?}"));
+                assert!(*first.get_or_insert_with(|| bits.clone()) == bits, "{name} {n}");
+            }
+        }
+    }
+
+    #[test]
+    fn walls_face_their_rays() {
+        let (volume, crossings) = colon();
+        let grid = volume.voxels().grid();
+        let middle = DVec3::from_array(grid.dims().map(|n| 0.5 * n as f64));
+        let mut draw = Stream::new(8, 0);
+        let mut count = 0;
+        for n in 0..2000 {
+            let place = DVec3::from_array(from_fn(|_| draw.within(-1.0, 1.0)));
+            let origin = grid.world(middle + place * middle);
+            let rays = crossings.from(origin);
+            let directions = about(&mut draw, 0.1, n);
+            let mm = rays.sixteen(&directions, &[f64::INFINITY; 16]);
+            let facing = rays.facing(&directions, &mm);
+            for k in 0..16 {
+                let direction = DVec3::new(directions[0][k], directions[1][k], directions[2][k]);
+                let ray = crate::render::camera::CameraRay { origin, direction };
+                let normal = if mm[k].is_finite() { normal_at(&volume, ray, mm[k]) } else { None };
+                let of = |all: &[[f32; 16]; 3]| DVec3::from_array(from_fn(|a| all[a][k].into()));
+                let (own, smooth) = (of(&facing.normal), of(&facing.smooth));
+                assert_eq!(normal.is_some(), own.is_finite());
+                let Some(normal) = normal else { continue };
+                assert!((normal - own).length() < 1e-6, "{normal} {own}");
+                assert!((smooth.length() - 1.0).abs() < 1e-5 && smooth.dot(direction) <= 1e-6);
+                let change = rays.difference(grid.voxel(origin + direction * mm[k])).as_dvec3();
+                let slow = -(grid.to_voxel().matrix3.transpose() * change);
+                if let Some(slow) = slow.try_normalize().filter(|s| s.dot(direction) < -1e-3) {
+                    assert!((slow - smooth).length() < 1e-3, "{slow} {smooth}");
+                    count += 1;
+                }
+            }
+        }
+        assert!(count > 5000, "{count}");
+    }
+}
