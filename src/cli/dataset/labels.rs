@@ -61,7 +61,7 @@ impl Labeller for Labels {
         let part = along.map_or(0, |mm| self.parts.partition_point(|p| p.0 <= mm).min(255) as u8);
         let tag = || crate::space::value(&self.volume, place - normal * BEHIND_MM) >= TAG_HU;
         let label = match &self.phantom {
-            Some(phantom) => self.known.label(place, |place| number(phantom.wall_kind(place)).into()) as u8,
+            Some(phantom) => self.known.label(place, &mut |place| number(phantom.wall_kind(place)).into()) as u8,
             None if tag() => 7,
             None => 1,
         };

@@ -1,5 +1,6 @@
 //! Light from the lamps to the wall and back.
 
+use fearless_simd::Level;
 use glam::{DVec3, Vec3};
 
 use super::albedo::{Albedo, Residue};
@@ -38,6 +39,7 @@ pub(super) struct Lamps<'a> {
     residue: Residue<'a>,
     /// What the power of the gloss is multiplied with.
     polish: f32,
+    level: Level,
 }
 
 impl<'a> Lamps<'a> {
@@ -52,6 +54,7 @@ impl<'a> Lamps<'a> {
             albedo,
             residue: Residue::new(volume),
             polish: look.gloss as f32 * (look.polish as f32 + 8.0) / 8.0,
+            level: Level::new(),
         }
     }
 
@@ -59,8 +62,12 @@ impl<'a> Lamps<'a> {
     ///
     /// The wall scatters evenly (Lambert), and its wet surface mirrors by Blinn and Phong with the factor that keeps energy (Akenine-Möller
     /// et al., Real-Time Rendering, 3rd ed., 2008, section 7.6), times the wall's π.
-    #[inline]
     pub(super) fn sent(&self, found: &[Option<Crossing>], dark: &[u8]) -> [Sent; LANES] {
+        fearless_simd::dispatch!(self.level, _simd => self.sent_at_once(found, dark))
+    }
+
+    #[inline(always)]
+    fn sent_at_once(&self, found: &[Option<Crossing>], dark: &[u8]) -> [Sent; LANES] {
         let (mut place, mut normal) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
         for (k, c) in found.iter().enumerate().take(LANES) {
             let Some(c) = c else { continue };

@@ -1,7 +1,9 @@
 //! Rows of a frame that a thread measures by itself.
 
+use std::array::from_fn;
 use std::iter::repeat_with;
 
+use fearless_simd::Level;
 use glam::Vec3;
 
 use super::{Crossing, Subject, Truth};
@@ -16,6 +18,7 @@ const ROWS: usize = 2 * SIDE;
 pub(super) struct Eyes<'a> {
     pub own: RaysFrom<'a>,
     pub near: [Option<RaysFrom<'a>>; 2],
+    pub level: Level,
 }
 
 impl<'a> Eyes<'a> {
@@ -23,6 +26,7 @@ impl<'a> Eyes<'a> {
         Self {
             own: subject.rays.from(subject.view.position()),
             near: subject.neighbours.map(|n| n.map(|n| n.rays.from(n.view.position()))),
+            level: Level::new(),
         }
     }
 }
@@ -44,6 +48,14 @@ pub(super) struct Band<'a> {
     pub scene: &'a mut [[f32; 3]],
     pub labels: &'a mut [[u8; 2]],
     pub along: &'a mut [[f32; 3]],
+}
+
+/// A square of pixels, row by row.
+pub(super) struct Square {
+    /// The pixels within the band; `None` beyond the picture.
+    pub pixels: [Option<usize>; 16],
+    /// Their middles, x and y, pixels from the picture's top left corner.
+    pub at: [[f64; 16]; 2],
 }
 
 /// Returns the bands of a frame, from top to bottom.
@@ -83,15 +95,17 @@ pub(super) fn bands(truth: &mut Truth, width: usize) -> Vec<Band<'_>> {
 }
 
 impl Band<'_> {
-    /// Calls `square` with the left column, the first row within the band, and the pixels within the band of each square of
-    /// [`SIDE`] × [`SIDE`] pixels: row by row, `None` beyond the picture.
-    pub(super) fn squares(&self) -> impl Iterator<Item = [Option<usize>; 16]> + use<> {
-        let (width, rows) = (self.width, self.crossings.len() / self.width.max(1));
+    /// Returns the squares of [`SIDE`] × [`SIDE`] pixels.
+    pub(super) fn squares(&self) -> impl Iterator<Item = Square> + use<> {
+        let (width, rows, above) = (self.width, self.crossings.len() / self.width.max(1), self.top);
         let square = move |top: usize, left: usize| {
-            std::array::from_fn(|k| {
-                let (x, y) = (left + k % SIDE, top + k / SIDE);
+            let place = |k: usize| [left + k % SIDE, top + k / SIDE];
+            let pixels = from_fn(|k| {
+                let [x, y] = place(k);
                 (x < width && y < rows).then_some(y * width + x)
-            })
+            });
+            let at = from_fn(|a| from_fn(|k| (place(k)[a] + [0, above][a]) as f64 + 0.5));
+            Square { pixels, at }
         };
         (0..rows).step_by(SIDE).flat_map(move |top| (0..width).step_by(SIDE).map(move |left| square(top, left)))
     }

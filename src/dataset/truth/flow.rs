@@ -1,11 +1,12 @@
 //! Where the points of one frame are in another.
 
+use fearless_simd::Level;
 use glam::DVec3;
 
 use super::Subject;
 use super::band::{Band, Eyes, set};
-use crate::render::View;
 use crate::render::leap::{Crossings, RaysFrom};
+use crate::render::{Sixteen, View};
 
 /// Something lies before the point in the other frame, or its wall is seen from behind there.
 pub const HIDDEN: u8 = 1;
@@ -37,7 +38,7 @@ impl Band<'_> {
                 self.flow[k].fill([f32::NAN; 2]);
                 self.unseen[k].fill(OUTSIDE);
                 if let (Some(to), Some(eye)) = (&subject.neighbours[k], &eyes.near[k]) {
-                    self.flow_to(k, to, eye);
+                    self.flow_to(k, to, (eye, eyes.level));
                 }
             }
         }
@@ -49,43 +50,71 @@ impl Band<'_> {
         }
     }
 
-    fn flow_to(&mut self, which: usize, to: &Neighbour<'_>, eye: &RaysFrom<'_>) {
+    fn flow_to(&mut self, which: usize, to: &Neighbour<'_>, (eye, level): (&RaysFrom<'_>, Level)) {
         // A deformed scan is interpolated twice.
         let same_mm = if to.moved.is_some() { DEFORMED_MM } else { SAME_MM };
-        let size = [to.view.width() as f64, to.view.height() as f64];
         for square in self.squares() {
-            let (mut directions, mut ends) = ([[0.0; 16]; 3], [0.0; 16]);
-            for (k, n) in square.iter().enumerate() {
-                let Some((n, crossing)) = n.and_then(|n| Some((n, self.crossings[n]?))) else { continue };
-                let place = to.moved.map_or(crossing.place, |moved| moved(crossing.place));
-                let Some([u, v]) = to.view.project(place) else { continue };
-                let (own_u, own_v) = ((n % self.width) as f64 + 0.5, (self.top + n / self.width) as f64 + 0.5);
-                let is_inside = (0.0..size[0]).contains(&u) && (0.0..size[1]).contains(&v);
+            let (mut place, mut facing) = ([[f64::NAN; 16]; 3], [[0.0; 16]; 3]);
+            for (k, n) in square.pixels.into_iter().enumerate() {
+                let Some((n, crossing)) = n.and_then(|n| Some((n, self.crossings[n].as_ref()?))) else { continue };
+                let at = to.moved.map_or(crossing.place, |moved| moved(crossing.place));
+                (place[0][k], place[1][k], place[2][k]) = at.into();
+                (facing[0][k], facing[1][k], facing[2][k]) = self.facing[n].as_dvec3().into();
+            }
+            let sight = fearless_simd::dispatch!(level, _simd => Sight::new(to.view, &place, &facing));
+            let mut ends = [0.0; 16];
+            for (k, n) in square.pixels.into_iter().enumerate() {
+                let Some(n) = n.filter(|_| sight.at[0][k].is_finite()) else { continue };
+                let [u, v] = [sight.at[0][k], sight.at[1][k]];
                 // The polynomial of a calibration means nothing beyond its picture.
-                if is_inside || to.view.pixel().is_some() {
-                    self.flow[which][n] = [(u - own_u) as f32, (v - own_v) as f32];
+                if sight.is_inside[k] || to.view.pixel().is_some() {
+                    self.flow[which][n] = [(u - square.at[0][k]) as f32, (v - square.at[1][k]) as f32];
                 }
                 // Within the picture of a pinhole every point has a ray.
-                if !is_inside || (to.view.pixel().is_none() && to.view.ray_at(u, v).is_none()) {
+                if !sight.is_inside[k] || (to.view.pixel().is_none() && to.view.ray_at(u, v).is_none()) {
                     continue;
                 }
-                let way = place - to.view.position();
-                let mm = way.length();
                 // A wall that is rigid and seen from behind is hidden by itself.
-                if to.moved.is_none() && self.facing[n].as_dvec3().dot(way) >= 0.0 {
-                    self.unseen[which][n] = HIDDEN;
-                    continue;
-                }
-                self.unseen[which][n] = 0;
-                (directions[0][k], directions[1][k], directions[2][k]) = (way.x / mm, way.y / mm, way.z / mm);
-                ends[k] = mm - same_mm;
+                let is_behind = to.moved.is_none() && sight.is_away[k];
+                self.unseen[which][n] = if is_behind { HIDDEN } else { 0 };
+                ends[k] = if is_behind { 0.0 } else { sight.mm[k] - same_mm };
             }
-            let met = eye.sixteen(&directions, &ends);
-            for (k, n) in square.into_iter().enumerate() {
+            let met = eye.sixteen(&sight.directions, &ends);
+            for (k, n) in square.pixels.into_iter().enumerate() {
                 if let Some(n) = n.filter(|_| met[k] < ends[k]) {
                     self.unseen[which][n] = HIDDEN;
                 }
             }
         }
+    }
+}
+
+/// How a camera sees sixteen places.
+struct Sight {
+    /// Where, pixels from the top left corner of its picture; NaN where it cannot.
+    at: [[f64; 16]; 2],
+    is_inside: [bool; 16],
+    /// The ways from the camera, world, of unit length.
+    directions: Sixteen,
+    mm: [f64; 16],
+    /// True where a wall at the place faces away.
+    is_away: [bool; 16],
+}
+
+impl Sight {
+    #[inline(always)]
+    fn new(view: &View, place: &Sixteen, facing: &Sixteen) -> Self {
+        let (eye, width, height) = (view.position(), view.width() as f64, view.height() as f64);
+        let at = view.places(place);
+        let (mut is_inside, mut is_away) = ([false; 16], [false; 16]);
+        let (mut directions, mut mm) = ([[0.0; 16]; 3], [0.0; 16]);
+        for k in 0..16 {
+            is_inside[k] = at[0][k] >= 0.0 && at[0][k] < width && at[1][k] >= 0.0 && at[1][k] < height;
+            let (x, y, z) = (place[0][k] - eye.x, place[1][k] - eye.y, place[2][k] - eye.z);
+            is_away[k] = x * facing[0][k] + y * facing[1][k] + z * facing[2][k] >= 0.0;
+            mm[k] = (x * x + y * y + z * z).sqrt();
+            (directions[0][k], directions[1][k], directions[2][k]) = (x / mm[k], y / mm[k], z / mm[k]);
+        }
+        Self { at, is_inside, directions, mm, is_away }
     }
 }

@@ -34,7 +34,7 @@ impl Lattice {
     }
 
     /// Returns the label at a place (world, mm), below 65,535: what `find` returns for the middle of its cube.
-    pub fn label(&self, place: DVec3, find: impl FnOnce(DVec3) -> u16) -> u16 {
+    pub fn label(&self, place: DVec3, find: &mut dyn FnMut(DVec3) -> u16) -> u16 {
         let at = (self.grid.voxel(place) + 0.5) * PER_VOXEL as f64;
         let cube = at.floor().to_array().map(|c| c as i64);
         let inside = (0..3).all(|a| (0..(self.bricks[a] * SIDE) as i64).contains(&cube[a]));
@@ -70,7 +70,7 @@ mod tests {
         let asked = std::cell::Cell::new(0);
         let lattice = Lattice::new(&grid);
         let ask = |p: DVec3| {
-            lattice.label(p, |middle| {
+            lattice.label(p, &mut |middle| {
                 asked.set(asked.get() + 1);
                 label(middle)
             })

@@ -4,6 +4,7 @@
 //! scan's: mm, LPS.
 
 mod along;
+mod angle;
 mod band;
 mod crossing;
 mod flow;

@@ -2,48 +2,62 @@
 
 use std::array::from_fn;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
-use super::band::{Band, Eyes, set};
+use super::band::{Band, Eyes, Square, set};
 use super::{Crossing, Subject};
 use crate::render::CameraRay;
-use crate::render::leap::Directions;
+use crate::render::leap::Facing;
 
 impl Band<'_> {
     /// Finds where each pixel's ray crosses the wall, and what follows from that: nowhere if the camera is in the wall.
     pub(super) fn cross(&mut self, subject: &Subject<'_>, eyes: &Eyes<'_>) {
         self.facing = vec![Vec3::NAN; self.crossings.len()];
         for square in self.squares() {
-            let ray = |n: usize| subject.view.ray(n % self.width, self.top + n / self.width);
-            let rays: [Option<CameraRay>; 16] = from_fn(|k| ray(square[k]?));
-            let is_own = |ray: &CameraRay| ray.origin == subject.view.position();
-            let directions: Directions = from_fn(|a| from_fn(|k| rays[k].map_or(0.0, |ray| ray.direction[a])));
-            let ends = from_fn(|k| if rays[k].as_ref().is_some_and(is_own) { f64::INFINITY } else { 0.0 });
-            let mut mm = eyes.own.sixteen(&directions, &ends);
-            let mut facing = eyes.own.facing(&directions, &mm);
-            // Rays that do not begin at the camera, as other cameras may have them, are traced one by one.
-            for (k, ray) in rays.iter().enumerate() {
-                let Some(ray) = ray.filter(|r| !is_own(r)) else { continue };
-                let from = subject.rays.from(ray.origin);
-                mm[k] = from.first(ray.direction).unwrap_or(f64::INFINITY);
-                let own = from.facing(&directions, &from_fn(|n| if n == k { mm[k] } else { f64::INFINITY }));
-                for a in 0..3 {
-                    (facing.normal[a][k], facing.smooth[a][k]) = (own.normal[a][k], own.smooth[a][k]);
-                }
-            }
-            for (k, n) in square.into_iter().enumerate() {
+            let aimed = fearless_simd::dispatch!(eyes.level, _simd => subject.view.directions(&square.at));
+            let Some(directions) = aimed else {
+                self.cross_alone(subject, &square);
+                continue;
+            };
+            let ends = from_fn(|k| if directions[0][k].is_nan() { 0.0 } else { f64::INFINITY });
+            let mm = eyes.own.sixteen(&directions, &ends);
+            let facing = eyes.own.facing(&directions, &mm);
+            for (k, n) in square.pixels.into_iter().enumerate() {
                 let Some(n) = n else { continue };
-                let [normal, smooth] = [&facing.normal, &facing.smooth].map(|all| Vec3::from_array(all.map(|c| c[k])));
-                let found = rays[k].filter(|_| mm[k].is_finite() && normal.is_finite()).map(|ray| {
-                    let place = ray.origin + ray.direction * mm[k];
-                    let tissue = subject.tissue.map_or(place, |of| of(place)).as_vec3();
-                    self.facing[n] = normal;
-                    Crossing { mm: mm[k], place, tissue, smooth }
-                });
-                self.crossings[n] = found;
-                self.tell(subject, n);
+                let ray =
+                    CameraRay { origin: eyes.own.origin(), direction: DVec3::from_array(directions.map(|d| d[k])) };
+                self.keep(subject, n, (ray, mm[k]), &facing, k);
             }
         }
+    }
+
+    /// Traces rays one by one that do not begin at the camera, as other cameras may have them.
+    fn cross_alone(&mut self, subject: &Subject<'_>, square: &Square) {
+        for (k, n) in square.pixels.into_iter().enumerate() {
+            let Some(n) = n else { continue };
+            self.crossings[n] = None;
+            let Some(ray) = subject.view.ray_at(square.at[0][k], square.at[1][k]) else {
+                self.tell(subject, n);
+                continue;
+            };
+            let from = subject.rays.from(ray.origin);
+            let mm = from.first(ray.direction).unwrap_or(f64::INFINITY);
+            let facing = from.facing(&ray.direction.to_array().map(|d| [d; 16]), &[mm; 16]);
+            self.keep(subject, n, (ray, mm), &facing, k);
+        }
+    }
+
+    /// Keeps the crossing of a pixel's ray, if it has one, and what follows from it.
+    #[inline(always)]
+    fn keep(&mut self, subject: &Subject<'_>, n: usize, (ray, mm): (CameraRay, f64), facing: &Facing, k: usize) {
+        let [normal, smooth] = [&facing.normal, &facing.smooth].map(|all| Vec3::from_array(all.map(|c| c[k])));
+        self.facing[n] = normal;
+        self.crossings[n] = (mm.is_finite() && normal.is_finite()).then(|| {
+            let place = ray.origin + ray.direction * mm;
+            let tissue = subject.tissue.map_or(place, |of| of(place)).as_vec3();
+            Crossing { mm, place, tissue, smooth }
+        });
+        self.tell(subject, n);
     }
 
     /// Fills in what follows from a pixel's crossing alone.

@@ -70,7 +70,7 @@ mod tissue_tests;
 
 pub use crate::space::{PreparedVolume, TransferFunction, first_crossing};
 pub use adaptive::Budget;
-pub use camera::{Camera, CameraModel, CameraRay, Origins, View};
+pub use camera::{Camera, CameraModel, CameraRay, Origins, Sixteen, View};
 #[doc(hidden)]
 pub use caster::crossings;
 pub use caster::{depths, render};

@@ -15,6 +15,7 @@ pub mod perspective;
 pub mod pinhole;
 mod polynomial;
 pub mod scaramuzza;
+mod sixteen;
 mod view;
 
 pub use fisheye::{Fisheye, KannalaBrandt};
@@ -25,6 +26,7 @@ pub use panorama::Panorama;
 pub use perspective::Perspective;
 pub use pinhole::Pinhole;
 pub use scaramuzza::Scaramuzza;
+pub use sixteen::Sixteen;
 pub use view::{MAX_SIDE, View};
 
 /// Every camera model of this crate.

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::chessboard::{FAR, Outside, chessboard};
 use crate::progress::Progress;
-use crate::render::packets::lanes::Voxels;
+use crate::render::packets::lanes::{Padded, SPARE, Voxels};
 use crate::space::PreparedVolume;
 use crate::space::ray::{Segment, clip, trilinear};
 
@@ -21,7 +21,7 @@ const MOST_CELLS: usize = 2048;
 #[derive(Clone, Debug)]
 pub struct Crossings {
     pub(super) volume: PreparedVolume,
-    /// For each cell from −1 on, x fastest: king's moves to the nearest one that may hold wall.
+    /// For each cell from −1 on, x fastest: king's moves to the nearest one that may hold wall. A few bytes follow.
     pub(super) free: Vec<u8>,
     /// Number of cells along each axis.
     pub(super) dims: [usize; 3],
@@ -38,8 +38,9 @@ impl Crossings {
         let wall = volume.transfer().iso().ceil() as i16;
         let [nx, ny, nz] = grid.dims();
         let dims = [nx + 1, ny + 1, nz + 1];
-        let mut free = vec![FAR; dims.iter().product()];
-        free.par_chunks_mut(dims[0] * dims[1]).enumerate().try_for_each(|(k, slice)| {
+        let count = dims.iter().product();
+        let mut free = vec![FAR; count + SPARE];
+        free[..count].par_chunks_mut(dims[0] * dims[1]).enumerate().try_for_each(|(k, slice)| {
             progress.check()?;
             for (j, row) in slice.chunks_exact_mut(dims[0]).enumerate() {
                 // Cell k − 1 lies between the voxels k − 1 and k.
@@ -55,7 +56,7 @@ impl Crossings {
             Ok(())
         })?;
         progress.check()?;
-        chessboard(&mut free, dims, Outside::Unmarked);
+        chessboard(&mut free[..count], dims, Outside::Unmarked);
         Ok(Self { volume: volume.clone(), free, dims, level: Level::new() })
     }
 
@@ -69,8 +70,9 @@ impl Crossings {
             is_near && trilinear(self.volume.voxels(), from) >= self.volume.transfer().iso() - crate::space::ray::TOUCH;
         // Sixteen rays at once need positions in single precision, and places of voxels in 32 bits.
         let is_small = grid.dims().iter().all(|&n| n <= MOST_CELLS);
-        let voxels = Voxels::new(self.volume.voxels()).filter(|_| is_small && is_near && !is_wall);
-        RaysFrom { crossings: self, origin, from, is_near, is_wall, voxels }
+        let lanes = Voxels::new(self.volume.voxels()).zip(Padded::new(&self.free));
+        let lanes = lanes.filter(|_| is_small && is_near && !is_wall);
+        RaysFrom { crossings: self, origin, from, is_near, is_wall, lanes }
     }
 
     /// Returns the distance in mm from `origin` along `direction` (world; of unit length) to the wall: 0 if the origin is in it, `None` if
@@ -135,11 +137,16 @@ pub struct RaysFrom<'a> {
     /// True within the volume or less than a voxel beside it.
     is_near: bool,
     pub(super) is_wall: bool,
-    /// For sixteen rays at once, if they can be.
-    pub(super) voxels: Option<Voxels<'a>>,
+    /// The voxels and the distances of cells, for sixteen rays at once, if they can be.
+    pub(super) lanes: Option<(Voxels<'a>, Padded<'a>)>,
 }
 
 impl RaysFrom<'_> {
+    /// Returns the point that they start from, world, mm.
+    pub fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
     /// Returns the distance in mm along `direction` (world; of unit length) to the wall, as [`Crossings::first`].
     pub fn first(&self, direction: DVec3) -> Option<f64> {
         let Self { crossings, origin, from, is_near, is_wall, .. } = *self;

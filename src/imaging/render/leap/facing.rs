@@ -4,8 +4,8 @@ use fearless_simd::{Simd, f32x16, f64x8, i32x16, mask32x16, prelude::*};
 use glam::{DVec3, Vec3};
 
 use super::crossings::RaysFrom;
-use super::sixteen::{Directions, apart};
-use crate::render::camera::CameraRay;
+use super::sixteen::{Doubles, apart};
+use crate::render::camera::{CameraRay, Sixteen};
 use crate::render::normals::{BEFORE, normal_at};
 use crate::render::packets::lanes::{Blocks, Voxels};
 use crate::space::ray::trilinear;
@@ -26,16 +26,16 @@ pub struct Facing {
 impl RaysFrom<'_> {
     /// Returns how the wall faces the rays along sixteen directions (world; of unit length) that cross it after so many mm; infinite where
     /// none does.
-    pub fn facing(&self, directions: &Directions, mm: &[f64; 16]) -> Facing {
-        let quick = self.voxels.as_ref().and_then(
-            |voxels| fearless_simd::dispatch!(self.crossings.level, simd => self.turn(simd, voxels, directions, mm)),
+    pub fn facing(&self, directions: &Sixteen, mm: &[f64; 16]) -> Facing {
+        let quick = self.lanes.as_ref().and_then(
+            |(voxels, _)| fearless_simd::dispatch!(self.crossings.level, simd => self.turn(simd, voxels, directions, mm)),
         );
         quick.unwrap_or_else(|| self.turn_alone(directions, mm))
     }
 
     /// Does it ray by ray: near the volume's border, or where the volume is too large.
     #[cold]
-    fn turn_alone(&self, directions: &Directions, mm: &[f64; 16]) -> Facing {
+    fn turn_alone(&self, directions: &Sixteen, mm: &[f64; 16]) -> Facing {
         let volume = &self.crossings.volume;
         let mut out = Facing { normal: [[f32::NAN; 16]; 3], smooth: [[f32::NAN; 16]; 3] };
         for k in (0..16).filter(|k| mm[*k].is_finite()) {
@@ -62,71 +62,52 @@ impl RaysFrom<'_> {
 
     /// Does it for all rays at once; `None` if the voxels that this needs leave the volume.
     #[inline(always)]
-    fn turn<S: Simd>(&self, simd: S, voxels: &Voxels<'_>, directions: &Directions, mm: &[f64; 16]) -> Option<Facing> {
+    fn turn<S: Simd>(&self, simd: S, voxels: &Voxels<'_>, directions: &Sixteen, mm: &[f64; 16]) -> Option<Facing> {
         let grid = self.crossings.volume.voxels().grid();
         let to_voxel = grid.to_voxel().matrix3.to_cols_array_2d();
         let from = self.from.to_array();
-        // Places in double precision, by halves: cells, and positions within them. A crossing on a face belongs to the cell before it.
-        let (mut cell, mut inside) = ([[0; 16]; 3], [[0.0; 16]; 3]);
-        let (mut base, mut share, mut wanted) = ([[0; 16]; 3], [[0.0; 16]; 3], [0; 16]);
-        for k in 0..16 {
-            let is_hit = mm[k].is_finite() && mm[k] > 0.0;
-            let t = if is_hit { mm[k] } else { 0.0 };
-            wanted[k] = i32::from(is_hit);
-            let mut along = [0.0; 3];
-            for a in 0..3 {
-                along[a] = to_voxel[0][a] * directions[0][k]
-                    + to_voxel[1][a] * directions[1][k]
-                    + to_voxel[2][a] * directions[2][k];
-            }
-            let back = BEFORE / along[0].abs().max(along[1].abs()).max(along[2].abs()).max(1e-300);
-            for a in 0..3 {
-                let at = from[a] + along[a] * t;
-                let (before, floor) = ((at - along[a] * back).floor(), at.floor());
-                (cell[a][k], inside[a][k]) = (before as i32 + 1, at - before);
-                (base[a][k], share[a][k]) = (floor as i32 + 1, (at - floor) as f32);
-            }
-        }
-        let wanted = i32x16::load_array_ref(simd, &wanted).simd_eq(1);
-        let load = |g: &[[i32; 16]; 3]| {
-            [
-                i32x16::load_array_ref(simd, &g[0]),
-                i32x16::load_array_ref(simd, &g[1]),
-                i32x16::load_array_ref(simd, &g[2]),
-            ]
-        };
-        // Where the block is within the volume, so is the cell, which is the block's middle one or beside it.
-        let blocks = voxels.blocks(simd, load(&base), wanted)?;
-        let corners = apart(voxels.corners(simd, load(&cell), wanted)).map(|c| c.widen());
-        let mut normal = [[f32::NAN; 16]; 3];
+        let along = self.along(simd, directions);
+        let splat = |x: f64| f64x8::splat(simd, x);
+        let zero = splat(0.0);
+        // Places in double precision: cells, and positions within them. A crossing on a face belongs to the cell before it.
+        let (mut cell, mut inside) = ([[zero; 2]; 3], [[zero; 2]; 3]);
+        let (mut base, mut share, mut wanted) = ([[zero; 2]; 3], [[zero; 2]; 3], [zero; 2]);
         for half in 0..2 {
-            let corners = corners.map(|(low, high)| if half == 0 { low } else { high });
-            let at = 8 * half;
-            let inside = [
-                f64x8::from_slice(simd, &inside[0][at..at + 8]),
-                f64x8::from_slice(simd, &inside[1][at..at + 8]),
-                f64x8::from_slice(simd, &inside[2][at..at + 8]),
-            ];
-            let turned = world(simd, gradient(corners, inside), &to_voxel);
+            let mm = f64x8::from_slice(simd, &mm[8 * half..8 * half + 8]);
+            let is_hit = mm.simd_gt(zero) & mm.simd_lt(f64::INFINITY);
+            let t = is_hit.select(mm, zero);
+            wanted[half] = is_hit.select(splat(1.0), zero);
+            let most = along[0][half].abs().max(along[1][half].abs()).max(along[2][half].abs());
+            let back = splat(BEFORE) / most.max(1e-300);
             for a in 0..3 {
-                let numbers = turned[a].to_array();
-                for k in 0..8 {
-                    normal[a][at + k] = numbers[k] as f32;
-                }
+                let along = is_hit.select(along[a][half], zero);
+                let at = along * t + from[a];
+                let (before, floor) = ((at - along * back).floor(), at.floor());
+                (cell[a][half], inside[a][half]) = (before + 1.0, at - before);
+                (base[a][half], share[a][half]) = (floor + 1.0, at - floor);
             }
         }
-        let exact = [
-            f32x16::load_array_ref(simd, &normal[0]),
-            f32x16::load_array_ref(simd, &normal[1]),
-            f32x16::load_array_ref(simd, &normal[2]),
-        ];
-        let share = [
-            f32x16::load_array_ref(simd, &share[0]),
-            f32x16::load_array_ref(simd, &share[1]),
-            f32x16::load_array_ref(simd, &share[2]),
-        ];
+        let narrow = |[low, high]: Doubles<S>| simd.narrow_f64x8(low, high);
+        let whole = |x: [Doubles<S>; 3]| -> [i32x16<S>; 3] {
+            [narrow(x[0]).to_int(), narrow(x[1]).to_int(), narrow(x[2]).to_int()]
+        };
+        let wanted = narrow(wanted).simd_gt(f32x16::splat(simd, 0.5));
+        // Where the block is within the volume, so is the cell, which is the block's middle one or beside it.
+        let blocks = voxels.blocks(simd, whole(base), wanted)?;
+        let corners = apart(voxels.corners(simd, whole(cell), wanted)).map(|c| c.widen());
+        let turn = |half: usize| {
+            let inside = [inside[0][half], inside[1][half], inside[2][half]];
+            let corners = corners.map(|(low, high)| if half == 0 { low } else { high });
+            world(simd, gradient(corners, inside), &to_voxel)
+        };
+        let (low, high) = (turn(0), turn(1));
+        let exact = [narrow([low[0], high[0]]), narrow([low[1], high[1]]), narrow([low[2], high[2]])];
+        let share = [narrow(share[0]), narrow(share[1]), narrow(share[2])];
         let smooth = towards(simd, differences(simd, &blocks, share), &to_voxel);
-        let single = |a: usize| f32x16::from_fn(simd, |k| directions[a][k] as f32);
+        let single = |a: usize| {
+            let half = |from: usize| f64x8::from_slice(simd, &directions[a][from..from + 8]);
+            narrow([half(0), half(8)])
+        };
         let facing = smooth[0] * single(0) + smooth[1] * single(1) + smooth[2] * single(2);
         // A wall without a gradient, touched at a single point, has no normal.
         let none = f32x16::splat(simd, f32::NAN);

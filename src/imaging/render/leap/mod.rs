@@ -22,7 +22,6 @@ pub use bricks::{BrickLeap, BrickWalls};
 pub use chosen::Leaper;
 pub use crossings::{Crossings, RaysFrom};
 pub use facing::Facing;
-pub use sixteen::Directions;
 pub use voxels::{VoxelLeap, VoxelWalls};
 
 /// Positions are computed in f32, so reported clearances are this much less than the known ones, voxels.

@@ -14,11 +14,9 @@ use fearless_simd::{Simd, f32x16, f64x8, i32x16, mask32x16, prelude::*};
 use glam::DVec3;
 
 use super::crossings::RaysFrom;
-use crate::render::packets::lanes::{Corners, Voxels};
-use crate::space::ray::{BESIDE, STILL, TOUCH, clip};
-
-/// Sixteen directions: x, y and z of all.
-pub type Directions = [[f64; 16]; 3];
+use crate::render::camera::Sixteen;
+use crate::render::packets::lanes::{Corners, Padded, Voxels};
+use crate::space::ray::{BESIDE, STILL, Segment, TOUCH};
 
 /// How far a leap goes beyond the plane that it ends at, voxels. It is above the rounding of distances, so that all rays move on.
 const BEYOND: f64 = 3e-4;
@@ -30,13 +28,15 @@ const STILL_32: f32 = 1e-12;
 /// The most steps of Newton's method. More are needed only where the cubic is steep, by rays one by one.
 const STEPS: usize = 8;
 
-/// Sixteen rays on their way, in voxels.
-struct Rays {
-    along: Directions,
+/// Sixteen numbers in double precision.
+pub(super) type Doubles<S> = [f64x8<S>; 2];
+
+/// Sixteen rays on their way, in voxels/mm.
+struct Rays<S: Simd> {
+    along: [Doubles<S>; 3],
+    inverse: [Doubles<S>; 3],
     /// Distances at which they end, mm: at most where they leave the volume.
-    ends: [f64; 16],
-    /// The rays that are looked at.
-    wanted: [i32; 16],
+    ends: Doubles<S>,
 }
 
 /// The same in single precision.
@@ -48,49 +48,77 @@ struct Way<S: Simd> {
 impl RaysFrom<'_> {
     /// Returns the distance in mm along each of sixteen directions (world; of unit length) to the wall, as [`RaysFrom::first`]; infinite
     /// where there is none within `ends`, mm. An end of 0 or less tells that a ray is not asked for.
-    pub fn sixteen(&self, directions: &Directions, ends: &[f64; 16]) -> [f64; 16] {
+    pub fn sixteen(&self, directions: &Sixteen, ends: &[f64; 16]) -> [f64; 16] {
         let one = |k: usize| DVec3::new(directions[0][k], directions[1][k], directions[2][k]);
         let alone = |k: usize| self.first(one(k)).filter(|mm| *mm <= ends[k]).unwrap_or(f64::INFINITY);
         let is_asked = |k: usize| ends[k] > 0.0;
-        let (Some(voxels), false) = (&self.voxels, self.is_wall) else {
+        let Some((voxels, free)) = &self.lanes else {
             return from_fn(|k| if is_asked(k) { alone(k) } else { f64::INFINITY });
         };
-        fearless_simd::dispatch!(self.crossings.level, simd => self.leap(simd, voxels, directions, ends))
+        fearless_simd::dispatch!(self.crossings.level, simd => self.leap(simd, (voxels, free), directions, ends))
     }
 
+    /// Returns the directions in voxels/mm.
     #[inline(always)]
-    fn rays(&self, directions: &Directions, ends: &[f64; 16]) -> Rays {
-        let grid = self.crossings.volume.voxels().grid();
-        let mut rays = Rays { along: [[0.0; 16]; 3], ends: [0.0; 16], wanted: [0; 16] };
-        for k in 0..16 {
-            let direction = DVec3::new(directions[0][k], directions[1][k], directions[2][k]);
-            let along = grid.to_voxel().transform_vector3(direction);
-            let exit = clip(grid.dims(), self.from, along).filter(|_| along.is_finite() && ends[k] > 0.0);
-            let Some((_, exit)) = exit else { continue };
-            (rays.along[0][k], rays.along[1][k], rays.along[2][k]) = (along.x, along.y, along.z);
-            (rays.ends[k], rays.wanted[k]) = (exit.min(ends[k]), 1);
+    pub(super) fn along<S: Simd>(&self, simd: S, directions: &Sixteen) -> [Doubles<S>; 3] {
+        let m = self.crossings.volume.voxels().grid().to_voxel().matrix3.to_cols_array_2d();
+        let load = |a: usize, half: usize| f64x8::from_slice(simd, &directions[a][8 * half..8 * half + 8]);
+        let along = |a: usize, half: usize| load(0, half) * m[0][a] + load(1, half) * m[1][a] + load(2, half) * m[2][a];
+        [[along(0, 0), along(0, 1)], [along(1, 0), along(1, 1)], [along(2, 0), along(2, 1)]]
+    }
+
+    /// Returns the rays, and those of them that are asked for.
+    #[inline(always)]
+    fn rays<S: Simd>(&self, simd: S, directions: &Sixteen, ends: &[f64; 16]) -> (Rays<S>, mask32x16<S>) {
+        let from = self.from.to_array();
+        let dims = self.crossings.volume.voxels().grid().dims().map(|n| n as f64);
+        let splat = |x: f64| f64x8::splat(simd, x);
+        let (zero, one, far) = (splat(0.0), splat(1.0), splat(f64::INFINITY));
+        let mut rays = Rays { along: self.along(simd, directions), inverse: [[zero; 2]; 3], ends: [zero; 2] };
+        let mut wanted = [zero; 2];
+        for half in 0..2 {
+            let size = rays.along[0][half].abs() + rays.along[1][half].abs() + rays.along[2][half].abs();
+            let is_finite = size.simd_lt(f64::MAX);
+            let mut exit = far;
+            for a in 0..3 {
+                // What is no direction does not move.
+                let along = is_finite.select(rays.along[a][half], zero);
+                let inverse = one / along;
+                let plane = along.simd_gt(zero).select(splat(dims[a]), splat(-1.0));
+                exit = exit.min(along.abs().simd_lt(STILL).select(far, (plane - from[a]) * inverse));
+                (rays.along[a][half], rays.inverse[a][half]) = (along, inverse);
+            }
+            let end = f64x8::from_slice(simd, &ends[8 * half..8 * half + 8]);
+            wanted[half] = (end.simd_gt(zero) & exit.simd_lt(far)).select(one, zero);
+            rays.ends[half] = wanted[half].simd_gt(zero).select(exit.min(end), zero);
         }
-        rays
+        (rays, simd.narrow_f64x8(wanted[0], wanted[1]).simd_gt(f32x16::splat(simd, 0.5)))
     }
 
     #[inline(always)]
-    fn leap<S: Simd>(&self, simd: S, voxels: &Voxels<'_>, directions: &Directions, ends: &[f64; 16]) -> [f64; 16] {
-        let rays = self.rays(directions, ends);
+    fn leap<S: Simd>(
+        &self,
+        simd: S,
+        (voxels, free): (&Voxels<'_>, &Padded<'_>),
+        directions: &Sixteen,
+        ends: &[f64; 16],
+    ) -> [f64; 16] {
+        let (rays, mut active) = self.rays(simd, directions, ends);
         let mut out = [f64::INFINITY; 16];
-        let single = |a: &[f64; 16]| f32x16::from_fn(simd, |k| a[k] as f32);
         // An axis at rest becomes one along which the ray moves by nothing that matters.
         let least = f32x16::splat(simd, STILL_32);
-        let along = [0, 1, 2].map(|a| {
-            let along = single(&rays.along[a]);
+        let moving = |[low, high]: Doubles<S>| {
+            let along = simd.narrow_f64x8(low, high);
             along.abs().simd_lt(STILL_32).select(least, along)
-        });
-        let way = Way { along, inverse: along.map(|a| f32x16::splat(simd, 1.0) / a) };
+        };
+        let along = [moving(rays.along[0]), moving(rays.along[1]), moving(rays.along[2])];
+        let one = f32x16::splat(simd, 1.0);
+        let way = Way { along, inverse: [one / along[0], one / along[1], one / along[2]] };
         let beyond = f32x16::splat(simd, BEYOND as f32) / along[0].abs().max(along[1].abs()).max(along[2].abs());
-        let end = single(&rays.ends) * 1.000_001 + beyond;
-        let mut active = i32x16::from_fn(simd, |k| rays.wanted[k]).simd_eq(1);
+        let end = simd.narrow_f64x8(rays.ends[0], rays.ends[1]) * 1.000_001 + beyond;
         let mut t = f32x16::splat(simd, 0.0);
         loop {
-            let found = self.next_cells(simd, voxels, &way, (&mut t, &mut active), (beyond, end));
+            let found = self.next_cells(simd, (voxels, free), &way, (&mut t, &mut active), (beyond, end));
             if !found.any_true() {
                 return out;
             }
@@ -98,6 +126,9 @@ impl RaysFrom<'_> {
             let done = self.exact(simd, voxels, (&rays, cell, found), &mut out);
             // Where there is no crossing in the cell, the walk goes on behind it.
             active = found & !done;
+            if !active.any_true() {
+                return out;
+            }
             let next = self.reach(&way, cell, f32x16::splat(simd, 0.0));
             t = active.select(next.max(t) + beyond, t);
             active &= t.simd_lt(end);
@@ -136,13 +167,12 @@ impl RaysFrom<'_> {
     fn next_cells<S: Simd>(
         &self,
         simd: S,
-        voxels: &Voxels<'_>,
+        (voxels, free): (&Voxels<'_>, &Padded<'_>),
         way: &Way<S>,
         (t, active): (&mut f32x16<S>, &mut mask32x16<S>),
         (beyond, end): (f32x16<S>, f32x16<S>),
     ) -> mask32x16<S> {
         let [nx, ny, _] = self.crossings.dims.map(|n| n as i32);
-        let free = &self.crossings.free[..];
         let mut found = *active & !*active;
         while active.any_true() {
             let (cell, at) = self.place(simd, way, *t);
@@ -151,9 +181,7 @@ impl RaysFrom<'_> {
                 cell[1].to_int::<i32x16<S>>() + 1,
                 cell[2].to_int::<i32x16<S>>() + 1,
             ];
-            let index = (x + (y + z * ny) * nx).to_array();
-            // Every cell is one of the list's: they were kept within it.
-            let moves = i32x16::from_fn(simd, |k| i32::from(free.get(index[k] as usize).copied().unwrap_or(0)));
+            let moves = free.at(simd, x + (y + z * ny) * nx);
             let reach = (moves.max(1) - 1).to_float::<f32x16<S>>();
             let next = self.reach(way, cell, reach);
             let next = next.max(*t);
@@ -211,7 +239,7 @@ impl RaysFrom<'_> {
         &self,
         simd: S,
         voxels: &Voxels<'_>,
-        (rays, cell, found): (&Rays, [f32x16<S>; 3], mask32x16<S>),
+        (rays, cell, found): (&Rays<S>, [f32x16<S>; 3], mask32x16<S>),
         out: &mut [f64; 16],
     ) -> mask32x16<S> {
         let g =
@@ -224,10 +252,8 @@ impl RaysFrom<'_> {
         for half in 0..2 {
             let pick = |(low, high): (f64x8<S>, f64x8<S>)| if half == 0 { low } else { high };
             let at = 8 * half;
-            let of = |all: &[f64; 16]| f64x8::from_slice(simd, &all[at..at + 8]);
             let cell = [pick(cells[0]), pick(cells[1]), pick(cells[2])];
-            let along = [of(&rays.along[0]), of(&rays.along[1]), of(&rays.along[2])];
-            let root = self.roots(simd, corners.map(pick), cell, along, of(&rays.ends));
+            let root = self.roots(simd, corners.map(pick), cell, (rays, half));
             for k in 0..8 {
                 let n = at + k;
                 if found[n] == 0 {
@@ -237,21 +263,37 @@ impl RaysFrom<'_> {
                 if is_inner && root.is_found[k] != 0.0 {
                     (out[n], done[n]) = (root.at[k], 1);
                 } else if !(is_inner && root.is_passed[k] != 0.0) {
-                    out[n] = self.alone(rays, n, root.enter[k]);
-                    done[n] = 1;
+                    let cell = [0, 1, 2].map(|a| i64::from(g[a][n]) - 1);
+                    let is_below = is_inner && root.is_below[k] != 0.0;
+                    if let Some(at) = self.alone(rays, (half, k), cell, (root.enter[k], root.exit[k]), is_below) {
+                        (out[n], done[n]) = (at, 1);
+                    }
                 }
             }
         }
         i32x16::load_array_ref(simd, &done).simd_eq(1)
     }
 
-    /// Returns the crossing of a ray from the cell on that it enters at `enter`.
-    #[cold]
-    fn alone(&self, rays: &Rays, n: usize, enter: f64) -> f64 {
-        let along = DVec3::new(rays.along[0][n], rays.along[1][n], rays.along[2][n]);
+    /// Returns the crossing of a ray in a cell between the distances at which it enters and leaves it, if it is below the wall's value where
+    /// it enters; `None` if there is none. Otherwise the ray goes on by itself from a little before the cell to its end.
+    #[inline(never)]
+    fn alone<S: Simd>(
+        &self,
+        rays: &Rays<S>,
+        (half, k): (usize, usize),
+        cell: [i64; 3],
+        (enter, exit): (f64, f64),
+        is_below: bool,
+    ) -> Option<f64> {
+        let along = DVec3::from_array([0, 1, 2].map(|a| rays.along[a][half].as_array()[k]));
+        let end = rays.ends[half].as_array()[k];
+        if is_below {
+            let segment = Segment::new(&self.crossings.volume, self.from, along);
+            return segment.cross(cell, enter, exit).map(|at| at.min(end));
+        }
         let back = 4.0 * BEYOND / along.abs().max_element();
-        let begin = (enter - back).clamp(0.0, rays.ends[n]);
-        self.crossings.walk(self.from, along, (begin, rays.ends[n])).unwrap_or(f64::INFINITY)
+        let begin = (enter - back).clamp(0.0, end);
+        Some(self.crossings.walk(self.from, along, (begin, end)).unwrap_or(f64::INFINITY))
     }
 
     /// Finds the first root in eight cells.
@@ -261,17 +303,16 @@ impl RaysFrom<'_> {
         simd: S,
         [a, b, c, d, e, f, g, h]: [f64x8<S>; 8],
         cell: [f64x8<S>; 3],
-        along: [f64x8<S>; 3],
-        ends: f64x8<S>,
+        (rays, half): (&Rays<S>, usize),
     ) -> Roots {
         let from = self.from.to_array();
         let splat = |x: f64| f64x8::splat(simd, x);
         let (zero, one, far) = (splat(0.0), splat(1.0), splat(f64::INFINITY));
-        let (mut enter, mut exit) = (zero, ends);
+        let along = [rays.along[0][half], rays.along[1][half], rays.along[2][half]];
+        let (mut enter, mut exit) = (zero, rays.ends[half]);
         for n in 0..3 {
-            let inverse = one / along[n];
-            let low = (cell[n] - from[n]) * inverse;
-            let high = (cell[n] + 1.0 - from[n]) * inverse;
+            let low = (cell[n] - from[n]) * rays.inverse[n][half];
+            let high = (cell[n] + 1.0 - from[n]) * rays.inverse[n][half];
             let is_still = along[n].abs().simd_lt(STILL);
             let (near, away) = (low.min(high), low.max(high));
             enter = enter.max(is_still.select(-far, near));
@@ -316,6 +357,8 @@ impl RaysFrom<'_> {
         let at = (enter + s * length).min(exit);
         Roots {
             enter: enter.to_array(),
+            exit: exit.to_array(),
+            is_below: is_below.select(one, zero).to_array(),
             at: at.to_array(),
             is_found: found.select(one, zero).to_array(),
             is_passed: is_passed.select(one, zero).to_array(),
@@ -325,8 +368,11 @@ impl RaysFrom<'_> {
 
 /// Where eight rays cross the wall in a cell.
 struct Roots {
-    /// Distance at which the cell is entered, mm.
+    /// Distances at which the cell is entered and left, mm.
     enter: [f64; 8],
+    exit: [f64; 8],
+    /// 1 where the value is below the wall's where the cell is entered.
+    is_below: [f64; 8],
     /// Distance of the crossing, mm, where it is found.
     at: [f64; 8],
     /// 1 where it is.
@@ -363,7 +409,7 @@ mod tests {
     }
 
     /// Sixteen directions about one, along an axis for some.
-    fn about(draw: &mut Stream, wide: f64, n: usize) -> Directions {
+    fn about(draw: &mut Stream, wide: f64, n: usize) -> Sixteen {
         let middle: [f64; 3] = from_fn(|_| draw.within(-1.0, 1.0));
         let mut one = |k: usize| {
             let mut d: [f64; 3] = from_fn(|a| middle[a] + draw.within(-wide, wide));

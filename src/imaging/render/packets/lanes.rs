@@ -199,6 +199,55 @@ impl<'a> OccupancyLanes<'a> {
     }
 }
 
+/// Bytes that are gathered four at a time, of which the first is kept: the last three are there only for that.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Padded<'a>(&'a [u8]);
+
+/// How many bytes follow the last one that is looked up.
+pub(crate) const SPARE: usize = 3;
+
+impl<'a> Padded<'a> {
+    /// Wraps bytes with [`SPARE`] more at the end; `None` if there are none, or more than an `i32` can count.
+    pub(crate) fn new(data: &'a [u8]) -> Option<Self> {
+        (data.len() > SPARE && i32::try_from(data.len()).is_ok()).then_some(Self(data))
+    }
+
+    /// Returns the bytes at the places `at`, or the nearest ones.
+    #[inline(always)]
+    pub(crate) fn at<S: Simd>(&self, simd: S, at: i32x16<S>) -> i32x16<S> {
+        let at = at.max(0).min((self.0.len() - 1 - SPARE) as i32);
+        let from = self.0.as_ptr();
+        let found = match simd.level() {
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512(_) => {
+                use std::arch::x86_64::{_mm512_i32gather_epi32, _mm512_loadu_si512};
+                let at = at.as_array().as_ptr().cast();
+                // SAFETY: the level guarantees that the processor has AVX-512; four bytes at each index are within the data.
+                let found: i32x16<S> =
+                    unsafe { _mm512_i32gather_epi32::<1>(_mm512_loadu_si512(at), from.cast()) }.simd_into(simd);
+                found
+            }
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2(_) => {
+                use std::arch::x86_64::{_mm256_i32gather_epi32, _mm256_loadu_si256};
+                let (from, at) = (from.cast(), at.as_array().as_ptr());
+                // SAFETY: the level guarantees that the processor has AVX2; four bytes at each index are within the data.
+                let (low, high) = unsafe {
+                    let (low, high) = (_mm256_loadu_si256(at.cast()), _mm256_loadu_si256(at.add(8).cast()));
+                    (_mm256_i32gather_epi32::<1>(from, low), _mm256_i32gather_epi32::<1>(from, high))
+                };
+                let (low, high): (i32x8<S>, i32x8<S>) = (low.simd_into(simd), high.simd_into(simd));
+                low.combine(high)
+            }
+            _ => {
+                let at = at.as_array();
+                i32x16::from_fn(simd, |k| i32::from(self.0[at[k] as usize]))
+            }
+        };
+        found & 255
+    }
+}
+
 /// Returns trilinear values within the cells, at the positions `t` (0 to 1 along each axis), HU.
 #[inline(always)]
 pub(crate) fn interpolate<S: Simd>(simd: S, corners: Corners<S>, t: [f32x16<S>; 3]) -> f32x16<S> {
