@@ -752,7 +752,7 @@ impl FlightController {
         self.take_found(now);
         self.take_kinds(now);
         self.take_seen(now);
-        self.attention |= self.flat.take(&self.background, now);
+        self.attention |= self.flat.take(now);
         self.take_findings(now);
         self.take_quality(now);
         self.take_report(now);

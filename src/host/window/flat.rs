@@ -1,31 +1,25 @@
-//! The colon laid flat, in a window: unfolded in the background once somebody asks for it, first coarsely and then finely, and drawn into
-//! the rectangle of its panel.
+//! The colon laid flat, in a window: unfolded in the background once somebody asks for it, first coarsely and then finely, outwards from
+//! where the reader looks, and drawn into the rectangle of its panel.
+
+mod map;
 
 use std::sync::Arc;
+use std::sync::mpsc::{Receiver, channel};
 use std::time::Instant;
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::background::{Background, BackgroundTask};
-use super::clean::{Clean, Scanned};
+use super::background::{Background, BackgroundTask, LOOKS};
+use super::clean::Scanned;
 use super::cleansing::Cleansing;
-use super::job::Job;
 use crate::app::FlightApp;
 use crate::coverage::{CoveragePaint, INK, LiveCoverage, OVER};
-use crate::error::{Error, Result};
+use crate::error::Error;
 use crate::fields::Lumen;
-use crate::progress::Progress;
 use crate::render::{Frame, ImageSize};
-use crate::unfold::{Chart, Sheet, Unfolding, picture};
+use map::{FlatMap, Focus, Piece};
 
-/// The sheet that is shown first, which takes a sixteenth of the time.
-const COARSE: Sheet = Sheet { columns: None, step_mm: 1.6, from_mm: None, to_mm: None };
-/// The colour of a wall that was under tag, red, green and blue, and its share.
-const TAG: [f32; 3] = [255.0, 255.0, 235.0];
-const TAG_SHARE: f32 = 0.6;
-/// Tag was in front of the wall if it was within this of it, mm.
-const BEFORE_MM: f64 = 1.0;
 /// Pixels of the panel between two places whose paint is looked up.
 const PAINTED: usize = 4;
 /// Seconds of a flight after which the paint is looked up again.
@@ -34,23 +28,6 @@ const PAINT_S: f64 = 0.5;
 const MOVES_MM: f64 = 10.0;
 /// Share of the panel's height that a place that is followed keeps from its edges.
 const EDGE: f64 = 0.2;
-
-/// A map with its picture.
-pub(crate) struct FlatMap {
-    pub(crate) map: Unfolding,
-    rgb: Vec<[u8; 3]>,
-    /// The same as scanned: with the colour of tag where tag was. `None` if there was none.
-    scanned: Option<Vec<[u8; 3]>>,
-    /// What a finer map is drawn from; `None` if it is fine.
-    source: Option<Arc<Source>>,
-}
-
-/// The scan that a map is drawn from.
-struct Source {
-    clean: Clean,
-    /// Of the wall, HU.
-    iso: f64,
-}
 
 /// What is asked of the map.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,10 +52,16 @@ struct Drawn {
 
 /// The colon laid flat.
 pub(crate) struct Flat {
-    task: BackgroundTask<FlatMap>,
+    task: BackgroundTask<()>,
+    /// What the task has made so far.
+    pieces: Option<Receiver<Piece>>,
+    /// What the task is to make next.
+    focus: Arc<Focus>,
+    /// When the panel is to be laid out again without the words about the task, which is over.
+    last_look: Option<Instant>,
     /// The lumen that was unfolded, or is.
     lumen: Option<Arc<Lumen>>,
-    map: Option<Arc<FlatMap>>,
+    map: Option<FlatMap>,
     /// The first row that is shown, in rows of the map, and the position that is followed, world mm, while it has not moved.
     top: f64,
     scrolled_at: Option<DVec3>,
@@ -90,6 +73,9 @@ impl Flat {
     pub(crate) fn new(now: Instant) -> Self {
         Self {
             task: BackgroundTask::new(now),
+            pieces: None,
+            focus: Arc::new(Focus::new()),
+            last_look: None,
             lumen: None,
             map: None,
             top: 0.0,
@@ -106,34 +92,66 @@ impl Flat {
             return;
         }
         (self.lumen, self.map, self.drawn) = (Some(Arc::clone(lumen)), None, None);
-        self.task.go_over(begin(Scanned::of(flight, cleansing), background), now);
+        let (scan, place) = (Scanned::of(flight, cleansing), flight.pose().position);
+        let ((send, pieces), focus, wake) = (channel(), Arc::new(Focus::new()), background.wake());
+        (self.pieces, self.focus) = (Some(pieces), Arc::clone(&focus));
+        let job = background.start_apart("unfold", move |progress| {
+            map::make(scan, (&focus, place), progress, &|piece| {
+                // Without a receiver, nobody wants the map any more.
+                send.send(piece).map_err(|_| Error::cancelled("unfolding"))?;
+                wake();
+                Ok(())
+            })
+        });
+        self.task.go_over(job, now);
     }
 
     /// Takes what was unfolded. Returns true if there is something new to show.
-    pub(crate) fn take(&mut self, background: &Background, now: Instant) -> bool {
-        let Some(done) = self.task.take(now) else { return false };
-        if let Ok((made, _)) = done {
-            let made = Arc::new(made);
-            if let Some(before) = &self.map {
-                // The same place stays on top.
-                self.top = made.map.row(before.map.mm(self.top as usize));
-            }
-            if let Some(source) = made.source.clone() {
-                self.task.go_over(refine(Arc::clone(&made), source, background), now);
-            }
-            (self.map, self.drawn) = (Some(made), None);
+    pub(crate) fn take(&mut self, now: Instant) -> bool {
+        // In this order, nothing that the task has made is left behind.
+        let is_done = self.task.take(now).is_some();
+        let mut is_new = is_done;
+        while let Some(piece) = self.pieces.as_ref().and_then(|pieces| pieces.try_recv().ok()) {
+            is_new |= self.put(piece);
         }
-        true
+        self.last_look = self.last_look.filter(|look| *look > now);
+        if is_done {
+            (self.pieces, self.last_look) = (None, Some(now + LOOKS));
+        }
+        is_new
+    }
+
+    /// Takes a piece. Returns true if it is in sight.
+    fn put(&mut self, piece: Piece) -> bool {
+        let rows = match (piece, &mut self.map) {
+            (Piece::Map(made), map) => {
+                let rows = 0..made.map.rows();
+                *map = Some(made);
+                rows
+            }
+            (Piece::Band(band), Some(made)) => {
+                made.put(&band);
+                band.rows()
+            }
+            (Piece::Band(_), None) => 0..0,
+        };
+        let shown = self.frame.height() as f64 * self.pixel(self.frame.width());
+        // The last pixels blend with the row beside what is shown.
+        let is_in_sight = rows.start as f64 <= self.top + shown + 1.0 && rows.end as f64 + 1.0 >= self.top;
+        if is_in_sight {
+            self.drawn = None;
+        }
+        is_in_sight
     }
 
     /// Returns when its progress has to be looked at.
     pub(crate) fn next(&self) -> Option<Instant> {
-        self.task.next()
+        self.task.next().or(self.last_look)
     }
 
     /// Returns what is shown.
     pub(crate) fn map(&self) -> Option<&FlatMap> {
-        self.map.as_deref()
+        self.map.as_ref()
     }
 
     /// Returns what is done or why it failed, in words; `None` if nothing is to be said.
@@ -185,14 +203,21 @@ impl Flat {
         if self.scrolled_at.is_some_and(|s| s.distance(at) > MOVES_MM) {
             self.scrolled_at = None;
         }
+        let along_mm = along_mm.filter(|_| self.scrolled_at.is_none());
+        if let Some(mm) = along_mm {
+            self.focus.set(mm);
+        }
         let Some(made) = &self.map else { return };
         let count = made.map.rows() as f64;
         let shown = size.height as f64 * self.pixel(size.width);
-        if let Some(mm) = along_mm.filter(|_| self.scrolled_at.is_none()) {
+        if let Some(mm) = along_mm {
             let row = made.map.row(mm);
             self.top = self.top.clamp(row - (1.0 - EDGE) * shown, row - EDGE * shown);
         }
         self.top = self.top.clamp(0.0, (count - shown).max(0.0));
+        if self.scrolled_at.is_some() {
+            self.focus.set(made.map.mm_at((self.top + 0.5 * shown).min(count - 1.0)));
+        }
     }
 
     /// Draws the part that is shown. `at` is followed, `along_mm` from the rectum; the wall is as scanned where that is shown. Returns true if
@@ -214,24 +239,14 @@ impl Flat {
         }
         self.drawn = Some(now);
         self.frame.resize(size.width, size.height);
-        let Some(made) = self.map.clone() else {
+        let (each, top) = (self.pixel(size.width), self.top);
+        let Some(made) = &self.map else {
             self.frame.buffers().0.fill([0; 3]);
             return true;
         };
-        let (each, top, map) = (self.pixel(size.width), self.top, &made.map);
+        let map = &made.map;
         let rgb = made.scanned.as_ref().filter(|_| is_scanned).unwrap_or(&made.rgb);
-        let (wide, high) = (map.columns(), map.rows());
-        let pixel = |row: f64, column: f64| {
-            let (r, c) = (row - 0.5, column - 0.5);
-            let (r0, c0) = (r.floor(), c.floor());
-            let at = |r: f64, c: f64| {
-                let r = (r.max(0.0) as usize).min(high - 1);
-                rgb[r * wide + (c as i64).rem_euclid(wide as i64) as usize].map(f32::from)
-            };
-            let (u, v) = ((c - c0) as f32, (r - r0) as f32);
-            let mix = |a: [f32; 3], b: [f32; 3], t: f32| std::array::from_fn(|n| a[n] + (b[n] - a[n]) * t);
-            mix(mix(at(r0, c0), at(r0, c0 + 1.0), u), mix(at(r0 + 1.0, c0), at(r0 + 1.0, c0 + 1.0), u), v)
-        };
+        let high = map.rows();
         self.frame.buffers().0.par_chunks_mut(size.width).enumerate().for_each(|(y, out)| {
             let row = top + (y as f64 + 0.5) * each;
             let is_on = row < high as f64;
@@ -242,7 +257,7 @@ impl Flat {
                     continue;
                 }
                 let column = (x as f64 + 0.5) * each;
-                let mut colour: [f32; 3] = pixel(row, column);
+                let mut colour = map.colour(rgb, row - 0.5, column - 0.5);
                 if let Some((coverage, painter)) = coverage {
                     if x % PAINTED == 0 {
                         let (r, c) = (row as usize, column as usize);
@@ -265,73 +280,20 @@ impl Flat {
     }
 }
 
-/// Begins to unfold a colon coarsely.
-///
-/// # Errors
-/// Returns status 1 if the system cannot start threads.
-fn begin(scan: Scanned, background: &Background) -> Result<Job<FlatMap>> {
-    background.start_apart("unfold", move |progress| {
-        let iso = scan.volume.transfer().iso();
-        let clean = scan.clean(progress)?;
-        let along = clean.lumen.along(&clean.volume, progress)?;
-        let none = || {
-            let why = "no one line leads from the rectum to the cecum";
-            Error::incomplete("the colon", why, "read it in flight and slices")
-        };
-        let line = along.line().ok_or_else(none)?;
-        let chart = Chart::new(&clean.volume, &clean.lumen, line, iso, progress)?;
-        let source = Arc::new(Source { clean, iso });
-        made(chart, &source, &COARSE, progress)
-    })
-}
-
-/// Begins to draw the same chart finely.
-///
-/// # Errors
-/// Returns status 1 if the system cannot start threads.
-fn refine(coarse: Arc<FlatMap>, source: Arc<Source>, background: &Background) -> Result<Job<FlatMap>> {
-    background.start_apart("unfold", move |progress| {
-        let fine = made(coarse.map.chart().clone(), &source, &Sheet::default(), progress)?;
-        Ok(FlatMap { source: None, ..fine })
-    })
-}
-
-/// Draws a chart.
-fn made(chart: Chart, source: &Arc<Source>, sheet: &Sheet, progress: &Progress) -> Result<FlatMap> {
-    let Source { clean, iso } = &**source;
-    let map = Unfolding::new(chart, &clean.volume, *iso, sheet, progress)?;
-    let rgb = picture(&map, *iso);
-    let columns = map.columns();
-    let was_tag: Vec<bool> = (0..rgb.len())
-        .into_par_iter()
-        .map(|n| {
-            let (row, column) = (n / columns, n % columns);
-            let at = map.point(row, column).zip(map.normal(row, column));
-            at.is_some_and(|(point, inwards)| clean.before.is_restored(&clean.volume, point - inwards * BEFORE_MM))
-        })
-        .collect();
-    let scanned = was_tag.contains(&true).then(|| {
-        let colour = |(colour, was_tag): (&[u8; 3], &bool)| {
-            let share = if *was_tag { TAG_SHARE } else { 0.0 };
-            std::array::from_fn(|n| (f32::from(colour[n]) * (1.0 - share) + TAG[n] * share) as u8)
-        };
-        rgb.iter().zip(&was_tag).map(colour).collect()
-    });
-    // The first place that is asked for sorts the wall.
-    map.place(DVec3::ZERO);
-    Ok(FlatMap { map, rgb, scanned, source: Some(Arc::clone(source)) })
-}
-
 #[cfg(test)]
 mod tests {
+    use std::sync::Mutex;
     use std::time::Duration;
 
     use super::*;
+    use crate::host::window::cleansing::Tag;
     use crate::host::window::contract::WindowView;
     use crate::host::window::controller::FlightController;
     use crate::host::window::controller::tests::{cockpit_of, perform, phantom_flight, trace, wish};
     use crate::host::window::intent::Intent;
     use crate::phantom::PhantomSettings;
+    use crate::progress::Progress;
+    use crate::unfold::{Sheet, Unfolding, picture};
 
     const SIZE: ImageSize = ImageSize { width: 200, height: 300 };
 
@@ -360,7 +322,6 @@ mod tests {
     #[test]
     fn the_camera_is_in_sight_and_a_click_looks_at_what_is_shown_there() {
         let (mut c, now) = flat();
-        assert!(c.flat().map().unwrap().source.is_none(), "the fine map");
         // Its measure along the colon is known with the state for display.
         let begun = Instant::now();
         while c.flat().frame().width() == 0 || !c.hud(now).place.contains(" of ") || c.hud(now).place.contains("about")
@@ -404,6 +365,59 @@ mod tests {
         let towards = (place - pose.position).normalize();
         assert!(towards.dot(pose.attitude.forward) > 0.9, "{pose:?} {place}");
         assert_eq!(c.slices().cursor(), Some(place));
+    }
+
+    /// While the fine map comes in bands, outwards from the camera, a click goes to about the same place; at the end the map is the one that
+    /// is drawn at once.
+    #[test]
+    fn bands_come_outwards_from_the_camera_and_a_click_means_the_same_meanwhile() {
+        let mut flight = phantom_flight(&PhantomSettings::embedded(1));
+        flight.fly(8.0).unwrap();
+        let setup = flight.setup();
+        let (volume, lumen, told) = (setup.volume.clone(), Arc::clone(&setup.lumen), setup.told.clone());
+        let scan = Scanned { volume: volume.clone(), lumen: Arc::clone(&lumen), told, tag: Tag::Absent };
+        let (pieces, progress) = (Mutex::new(Vec::new()), Progress::new());
+        let here = flight.pose().position;
+        // With one thread, bands come in the order in which they are begun.
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let ready = |piece| {
+            pieces.lock().unwrap().push(piece);
+            Ok(())
+        };
+        pool.install(|| map::make(scan, (&Focus::new(), here), &progress, &ready)).unwrap();
+        let mm = lumen.along(volume.voxels(), &progress).unwrap().of(here).unwrap().mm;
+        let mut flat = Flat::new(Instant::now());
+        let grid: Vec<[f64; 2]> =
+            (0..SIZE.pixels()).step_by(97).map(|n| [n % SIZE.width, n / SIZE.width].map(|x| x as f64)).collect();
+        let clicked = |flat: &Flat| grid.iter().map(|at| flat.place(*at, SIZE.width)).collect::<Vec<_>>();
+        let (mut before, mut away, mut first_in_sight) = (Vec::new(), Vec::new(), 0);
+        for piece in pieces.into_inner().unwrap() {
+            let is_first = matches!(piece, Piece::Map(_));
+            if let Piece::Band(band) = &piece {
+                let row = flat.map.as_ref().unwrap().map.row(mm);
+                let rows = band.rows();
+                away.push((rows.start as f64 - row).max(row - (rows.end - 1) as f64).max(0.0));
+            }
+            let is_in_sight = flat.put(piece);
+            first_in_sight += usize::from(is_in_sight && first_in_sight + 1 == away.len());
+            // A part in sight is drawn anew, another is not.
+            assert_eq!(flat.draw(&flight, false, (here, Some(mm)), SIZE), is_in_sight);
+            if is_first {
+                before = clicked(&flat);
+            }
+        }
+        assert!(away.len() > 10 && away[0] == 0.0 && away.is_sorted(), "{away:?}");
+        assert!(first_in_sight > 4, "what is in sight comes first");
+        let after = clicked(&flat);
+        let far: Vec<f64> =
+            before.iter().zip(&after).filter_map(|(a, b)| Some(a.as_ref()?[0].distance(b.as_ref()?[0]))).collect();
+        let near = far.iter().filter(|mm| **mm < 2.5).count();
+        assert!(far.len() * 10 > grid.len() * 8 && near * 100 > far.len() * 95, "{near} of {} near", far.len());
+        let made = flat.map.as_ref().unwrap();
+        let iso = volume.transfer().iso();
+        let whole =
+            Unfolding::new(made.map.chart().clone(), volume.voxels(), iso, &Sheet::default(), &progress).unwrap();
+        assert!(made.rgb == picture(&whole, iso) && made.scanned.is_none());
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The wall as a mesh whose vertices know how far along the colon they are and at which angle about it.
 
 use std::f32::consts::{PI, TAU};
+use std::sync::OnceLock;
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -39,6 +40,17 @@ pub struct Chart {
     length_mm: f64,
     /// Number of steps of the solver, and of cells.
     solved: [usize; 2],
+    /// The girth and the areas, once they were asked for: a second sheet of this chart asks for the same.
+    girth_mm: OnceLock<f64>,
+    areas: OnceLock<Areas>,
+}
+
+/// The wall's area in equal lengths of the line.
+#[derive(Clone, Debug, PartialEq)]
+struct Areas {
+    from_mm: f64,
+    each_mm: f64,
+    mm2: Vec<f64>,
 }
 
 impl Chart {
@@ -74,7 +86,18 @@ impl Chart {
         let (along, angle) = coordinates.into_iter().unzip();
         let solved = [axis.harmonic.steps(), domain.len()];
         let length_mm = line.length_mm;
-        Ok(Self { origin, places, triangles, along, angle, pieces: axis.pieces, length_mm, solved })
+        Ok(Self {
+            origin,
+            places,
+            triangles,
+            along,
+            angle,
+            pieces: axis.pieces,
+            length_mm,
+            solved,
+            girth_mm: OnceLock::new(),
+            areas: OnceLock::new(),
+        })
     }
 
     /// Returns the length of the line, mm.
@@ -109,14 +132,23 @@ impl Chart {
 
     /// Returns the area of the wall over the length of what is open: its mean girth, folds included, mm.
     pub fn girth_mm(&self) -> f64 {
-        let area: f64 = (0..self.triangles.len()).filter(|&t| self.flat(t).is_some()).map(|t| self.area(t)).sum();
-        let length: f64 = self.pieces.iter().map(|p| p.stations[p.stations.len() - 1].mm - p.stations[0].mm).sum();
-        area / length.max(1.0)
+        *self.girth_mm.get_or_init(|| {
+            let area: f64 = (0..self.triangles.len()).filter(|&t| self.flat(t).is_some()).map(|t| self.area(t)).sum();
+            let length: f64 = self.pieces.iter().map(|p| p.stations[p.stations.len() - 1].mm - p.stations[0].mm).sum();
+            area / length.max(1.0)
+        })
     }
 
     /// Returns the wall's area in each of `count` equal lengths of the line from `from_mm` on, mm². A triangle's area is spread evenly over
     /// its length.
     pub(super) fn areas(&self, from_mm: f64, each_mm: f64, count: usize) -> Vec<f64> {
+        let sum = || Areas { from_mm, each_mm, mm2: self.summed_areas(from_mm, each_mm, count) };
+        let known = self.areas.get_or_init(sum);
+        let is_the_same = (known.from_mm, known.each_mm, known.mm2.len()) == (from_mm, each_mm, count);
+        if is_the_same { known.mm2.clone() } else { sum().mm2 }
+    }
+
+    fn summed_areas(&self, from_mm: f64, each_mm: f64, count: usize) -> Vec<f64> {
         let mut out = vec![0.0; count];
         for (t, corners) in (0..self.triangles.len()).filter_map(|t| Some((t, self.flat(t)?))) {
             let [a, b, c] = corners.map(|c| (f64::from(c[1]) - from_mm) / each_mm);

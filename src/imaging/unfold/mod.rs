@@ -16,6 +16,7 @@
 mod axis;
 mod bins;
 mod chart;
+mod drawing;
 mod measure;
 mod picture;
 mod raster;
@@ -24,12 +25,13 @@ mod rows;
 mod tests;
 mod wall;
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 pub use chart::Chart;
+pub use drawing::{Band, Drawing};
 pub use measure::Measures;
 pub use picture::{BEHIND, picture};
 
@@ -37,9 +39,8 @@ use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::volume::Volume;
 use bins::Bins;
-use raster::{BAND, Bands, Hit, NONE, Pixels};
+use raster::Pixels;
 use rows::Rows;
-use wall::Refiner;
 
 /// Distance between rows along the line unless another is asked for, mm.
 pub const STEP_MM: f64 = 0.4;
@@ -89,16 +90,10 @@ pub struct Place {
     pub layer: usize,
 }
 
-/// Some rows of a map: for each pixel the wall's point and its normal, and what lies behind.
-struct Band {
-    shown: Vec<(Vec3, Vec3)>,
-    behind: Vec<Behind>,
-}
-
 /// The map of an unfolded colon.
 #[derive(Clone, Debug)]
 pub struct Unfolding {
-    chart: Chart,
+    chart: Arc<Chart>,
     pixels: Pixels,
     /// The wall's point of each pixel, row by row, world, mm; NaN where there is none.
     points: Vec<[f32; 3]>,
@@ -115,35 +110,35 @@ impl Unfolding {
     ///
     /// # Errors
     /// Returns status 4 if the sheet has no row, or too many, or if interrupted.
-    pub fn new(chart: Chart, volume: &Volume, iso: f64, sheet: &Sheet, progress: &Progress) -> Result<Self> {
-        let pixels = pixels(&chart, sheet)?;
-        let bands = Bands::new(&chart, &pixels);
-        let count = pixels.rows.div_ceil(BAND);
-        progress.stage("laying the wall flat", count as u64);
-        let refiner = Refiner::new(volume, iso);
-        let drawn: Vec<Band> = (0..count)
-            .into_par_iter()
-            .map(|band| {
-                let (first, more) = bands.draw(&chart, &pixels, band);
-                let refined = |hit: &Hit| match hit.triangle {
-                    NONE => (Vec3::NAN, Vec3::NAN),
-                    _ => refiner.refined(&chart, hit),
-                };
-                let before = (band * BAND * pixels.columns) as u32;
-                let behind = more.iter().map(|(n, hit)| Behind { pixel: before + n, point: refined(hit).0 }).collect();
-                progress.advance(1)?;
-                Ok(Band { shown: first.iter().map(refined).collect(), behind })
-            })
-            .collect::<Result<_>>()?;
-        let total = pixels.rows * pixels.columns;
-        let (mut points, mut normals) = (Vec::with_capacity(total), Vec::with_capacity(total));
-        let mut behind = Vec::new();
-        for band in drawn {
-            points.extend(band.shown.iter().map(|s| s.0.to_array()));
-            normals.extend(band.shown.iter().map(|s| s.1));
-            behind.extend(band.behind);
+    pub fn new(
+        chart: impl Into<Arc<Chart>>,
+        volume: &Volume,
+        iso: f64,
+        sheet: &Sheet,
+        progress: &Progress,
+    ) -> Result<Self> {
+        let drawing = Drawing::new(chart, volume, iso, sheet)?;
+        progress.stage("laying the wall flat", drawing.count() as u64);
+        let draw = |band: usize| {
+            let drawn = drawing.band(band);
+            progress.advance(1)?;
+            Ok(drawn)
+        };
+        let bands: Vec<Band> = (0..drawing.count()).into_par_iter().map(draw).collect::<Result<_>>()?;
+        let mut map = drawing.blank();
+        for band in bands {
+            map.put(&band);
         }
-        Ok(Self { chart, pixels, points, normals, behind, bins: OnceLock::new() })
+        Ok(map)
+    }
+
+    /// Replaces the rows of a band of the same map.
+    pub fn put(&mut self, band: &Band) {
+        let pixels = band.rows.start * self.columns()..band.rows.end * self.columns();
+        self.points[pixels.clone()].copy_from_slice(&band.points);
+        self.normals[pixels.clone()].copy_from_slice(&band.normals);
+        let [first, last] = [pixels.start, pixels.end].map(|n| self.behind.partition_point(|b| (b.pixel as usize) < n));
+        self.behind.splice(first..last, band.behind.iter().copied());
     }
 
     /// Number of rows.
@@ -159,6 +154,11 @@ impl Unfolding {
     /// Returns the distance of a row along the line, mm: below 0 before its beginning.
     pub fn mm(&self, row: usize) -> f64 {
         self.pixels.mm(row)
+    }
+
+    /// Returns the distance of a place between rows along the line, mm; the middle of a row is whole.
+    pub fn mm_at(&self, row: f64) -> f64 {
+        self.pixels.at.mm(row)
     }
 
     /// Returns the row at a distance along the line, mm; the middle of a row is whole. It may be beyond the first or the last one.
@@ -233,6 +233,21 @@ impl Unfolding {
         let far = |(_, p): &(usize, DVec3)| p.distance_squared(wall);
         let layer = layers.enumerate().min_by(|a, b| far(a).total_cmp(&far(b))).map_or(0, |l| l.0);
         Some(Place { row: row.into(), column: column.into(), layer })
+    }
+
+    /// Returns the colour at a place of a picture of this map, between pixels: the middle of a row and of a column is whole. Beyond the first
+    /// and the last row it is theirs.
+    #[inline]
+    pub fn colour(&self, rgb: &[[u8; 3]], row: f64, column: f64) -> [f32; 3] {
+        let (wide, high) = (self.columns(), self.rows());
+        let (r0, c0) = (row.floor(), column.floor());
+        let at = |r: f64, c: f64| {
+            let r = (r.max(0.0) as usize).min(high - 1);
+            rgb[r * wide + (c as i64).rem_euclid(wide as i64) as usize].map(f32::from)
+        };
+        let (u, v) = ((column - c0) as f32, (row - r0) as f32);
+        let mix = |a: [f32; 3], b: [f32; 3], t: f32| std::array::from_fn(|n| a[n] + (b[n] - a[n]) * t);
+        mix(mix(at(r0, c0), at(r0, c0 + 1.0), u), mix(at(r0 + 1.0, c0), at(r0 + 1.0, c0 + 1.0), u), v)
     }
 
     /// Returns how much of the wall lies between a pixel and the next ones: the largest and the smallest length in mm that a step of

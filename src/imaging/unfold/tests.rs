@@ -1,4 +1,5 @@
 use std::f64::consts::PI;
+use std::sync::Mutex;
 
 use glam::{DMat3, DVec3};
 
@@ -183,6 +184,73 @@ fn any_number_of_threads_makes_the_same_map() {
         })
     };
     assert!(draw(1) == draw(4));
+}
+
+/// For any number of threads, bands make the map that is drawn at once; where the reader looks they come first, also once that changes.
+#[test]
+fn bands_make_the_whole_map_and_come_nearest_first() {
+    let (volume, line) = bent();
+    let progress = Progress::new();
+    let chart = Arc::new(Chart::of_interior(&Interior::of_mask(&volume).unwrap(), &line, &progress).unwrap());
+    let drawn = |step_mm: f64| {
+        let sheet = Sheet { columns: None, step_mm, ..Sheet::default() };
+        Unfolding::new(Arc::clone(&chart), &volume, 0.5, &sheet, &progress).unwrap()
+    };
+    let (whole, coarse) = (drawn(0.2), drawn(0.8));
+    let sheet = Sheet { step_mm: 0.2, ..Sheet::default() };
+    let drawing = Drawing::new(Arc::clone(&chart), &volume, 0.5, &sheet).unwrap();
+    assert!(drawing.count() > 12 && whole.rows() % drawing.rows(0).len() != 0, "{}", drawing.count());
+    let bits = |map: &Unfolding| {
+        let points: Vec<[u32; 3]> = map.points().iter().map(|p| p.map(f32::to_bits)).collect();
+        let normals: Vec<[u32; 3]> = map.normals.iter().map(|n| n.to_array().map(f32::to_bits)).collect();
+        let behind: Vec<(u32, [u32; 3])> =
+            map.behind().iter().map(|b| (b.pixel, b.point.to_array().map(f32::to_bits))).collect();
+        (points, normals, behind)
+    };
+    // Before any band is drawn, each pixel shows about what it will show.
+    let preview = drawing.preview(&coarse);
+    let far = (0..whole.points.len())
+        .filter_map(|n| {
+            let (row, column) = (n / whole.columns(), n % whole.columns());
+            Some(preview.point(row, column)?.distance(whole.point(row, column)?))
+        })
+        .collect::<Vec<_>>();
+    let near = far.iter().filter(|mm| **mm < 1.5).count();
+    assert!(near * 100 > far.len() * 97 && far.len() * 100 > whole.points.len() * 95, "{near} of {}", far.len());
+    for threads in [1, 4] {
+        let rgb = drawing.enlarged(&coarse, &picture(&coarse, -650.0));
+        let made = Mutex::new((drawing.preview(&coarse), rgb, Vec::new()));
+        // The reader looks at the middle, then at the end.
+        let looked_at = |done: usize| if done < 4 { 45.0 } else { 80.0 };
+        let from_mm = || looked_at(made.lock().unwrap().2.len());
+        let put = |band: Band| {
+            let mut made = made.lock().unwrap();
+            let (map, rgb, order) = &mut *made;
+            rgb[band.rows.start * map.columns()..band.rows.end * map.columns()]
+                .copy_from_slice(&drawing.picture(&band));
+            map.put(&band);
+            order.push(band.rows);
+            Ok(())
+        };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| drawing.outwards(from_mm, &progress, put)).unwrap();
+        let (map, rgb, order) = made.into_inner().unwrap();
+        assert!(bits(&map) == bits(&whole), "{threads} threads");
+        assert!(rgb == picture(&whole, 0.5), "{threads} threads");
+        assert_eq!(order.len(), drawing.count());
+        // Of several threads, each may have begun another band before.
+        if threads == 1 {
+            let away = |rows: &std::ops::Range<usize>, mm: f64| {
+                let row = whole.row(mm);
+                (rows.start as f64 - row).max(row - (rows.end - 1) as f64).max(0.0)
+            };
+            for (n, rows) in order.iter().enumerate() {
+                let mm = looked_at(n);
+                let nearer = order[n..].iter().filter(|later| away(later, mm) < away(rows, mm)).count();
+                assert_eq!(nearer, 0, "{n}: {order:?}");
+            }
+        }
+    }
 }
 
 /// A deep sac beside a tube: the function hardly changes in it, so that its wall belongs to little of the line. It gets rows of its own,
