@@ -17,7 +17,7 @@ use crate::cli::values::SeedRange;
 use crate::cli::{Program, prepare};
 use crate::dataset::layout::{BUILT_IN, LayoutModel};
 use crate::dataset::look::Look;
-use crate::dataset::truth::{Kind, Rings};
+use crate::dataset::truth::{Find, Kind, Rings};
 use crate::dataset::writing::{Source, Written, write};
 use crate::error::{Error, Kind as Status, Result, program_name};
 use crate::fields::lumen::Interior;
@@ -28,7 +28,7 @@ use crate::progress::Progress;
 use crate::render::Preset;
 use crate::surface::LumenMesh;
 use crate::volume::content_hash;
-use labels::Labels;
+use labels::{labels, names, number};
 use takes::Takes;
 
 /// Runs the command. Fails with status 2 for invalid options, 3 for an unusable input, 4 if there is no flight or if interrupted, 5 if a
@@ -77,7 +77,9 @@ fn one(
     // Without a line there are no places in the colon: the pictures have the rest of the truth all the same.
     let along = if has_place { along(&mut scan, progress)? } else { None };
     let wall = along.as_ref().map(|_| wall(&mut scan, progress)).transpose()?;
-    let labels = Labels::new(phantom, &scan, along.as_deref());
+    let find = |place| number(phantom.as_ref().and_then(|p| p.wall_kind(place)));
+    let find: Option<Find<'_>> = if phantom.is_some() { Some(&find) } else { None };
+    let labels = labels(scan.volume(), find, along.as_deref());
     let count = takes.poses.len();
     let source = Source {
         volume: scan.volume(),
@@ -88,8 +90,8 @@ fn one(
         camera: takes.camera.clone(),
         rings: along.as_ref().and_then(|a| Rings::new(a, scan.volume().voxels().grid())),
         wall,
-        labeller: Some(&labels),
-        names: [labels.names(), labels.parts()],
+        labels: Some(&labels),
+        names: names(phantom.as_ref(), along.as_deref()),
         kinds: kinds.to_vec(),
         look: look.clone(),
         seed: args.noise_seed.or(global.seed).unwrap_or(1),

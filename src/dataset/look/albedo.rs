@@ -75,7 +75,7 @@ impl Albedo {
     }
 
     /// Returns the share of linear red, green and blue light that the wall scatters at a point (world, mm) with a normal.
-    #[inline]
+    #[inline(always)]
     pub(super) fn of(&self, place: Vec3, normal: Vec3) -> Vec3 {
         let base = Vec3::from_array(BASE);
         if !self.is_on {
@@ -94,7 +94,7 @@ impl Albedo {
 
     /// Returns how much blood lies under a point, and how the colour varies near it: that of the tile on the three planes, by how much each
     /// faces the point.
-    #[inline]
+    #[inline(always)]
     fn near(&self, place: Vec3, normal: Vec3) -> Vec2 {
         let share = (normal.abs() - LEAST).max(Vec3::ZERO);
         let share = share * share;
@@ -114,7 +114,7 @@ impl Albedo {
     }
 
     /// Returns how a normal is turned at a point by the bumps of the mucus on the wall.
-    #[inline]
+    #[inline(always)]
     pub(super) fn bumps(&self, place: Vec3) -> Vec3 {
         let coarse = self.noise.at(place * (1.0 / 3.1) + 7.7);
         let fine = self.noise.at(place * (1.0 / 0.6) + 3.1);
@@ -137,7 +137,7 @@ impl<'a> Residue<'a> {
     }
 
     /// Returns the colour with that of residue, if a tag shows some behind a point of the wall (world, mm).
-    #[inline]
+    #[inline(always)]
     pub(super) fn over(&self, colour: Vec3, place: Vec3, normal: Vec3) -> Vec3 {
         let behind = place - normal * BEHIND_MM;
         // The nearest voxel tells that most places have none, in a fraction of the time.

@@ -33,7 +33,7 @@ fn view(position: DVec3, forward: DVec3) -> View {
 fn crossed(volume: &PreparedVolume, view: &View) -> Truth {
     let rays = crate::render::leap::Crossings::new(volume, &Progress::new()).unwrap();
     let subject =
-        Subject { volume, rays: &rays, view, tissue: None, neighbours: [None, None], rings: None, labeller: None };
+        Subject { volume, rays: &rays, view, tissue: None, neighbours: [None, None], rings: None, labels: None };
     let mut truth = Truth::default();
     truth.measure(subject, &[Kind::Shading], &Progress::new()).unwrap();
     truth

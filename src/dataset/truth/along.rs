@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::angle::angle;
 use super::band::{Band, set};
 use super::lattice::Lattice;
-use super::{Crossing, Subject};
+use super::{Crossing, Labels, Subject};
 use crate::fields::Along;
 use crate::fields::centerline::Centerline;
 use crate::fields::frames::{Frame, STEP_MM, evenly, frames};
@@ -143,7 +143,8 @@ impl Band<'_> {
         if self.labels.is_empty() && self.along.is_empty() {
             return;
         }
-        for square in self.squares() {
+        for square in 0..self.squares() {
+            let square = self.square(square);
             // What is not deformed is known better.
             let tissue = |c: &Crossing| if subject.tissue.is_some() { c.tissue.as_dvec3() } else { c.place };
             let found = square.pixels.map(|n| self.crossings[n?].as_ref());
@@ -153,10 +154,8 @@ impl Band<'_> {
                 let Some(n) = n else { continue };
                 set(self.along, n, || along.map(|a| a[k] as f32));
                 set(self.labels, n, || {
-                    let mm = Some(along[0][k]).filter(|mm| mm.is_finite());
-                    let facing = self.facing[n].as_dvec3();
-                    let label = || Some(subject.labeller?.label(places[k], facing, mm));
-                    found[k].and_then(|_| label()).unwrap_or_default()
+                    let label = |labels: &Labels<'_>| labels.label(places[k], self.facing[n].as_dvec3(), along[0][k]);
+                    subject.labels.filter(|_| found[k].is_some()).map(label).unwrap_or_default()
                 });
             }
         }

@@ -95,19 +95,24 @@ pub(super) fn bands(truth: &mut Truth, width: usize) -> Vec<Band<'_>> {
 }
 
 impl Band<'_> {
-    /// Returns the squares of [`SIDE`] × [`SIDE`] pixels.
-    pub(super) fn squares(&self) -> impl Iterator<Item = Square> + use<> {
-        let (width, rows, above) = (self.width, self.crossings.len() / self.width.max(1), self.top);
-        let square = move |top: usize, left: usize| {
-            let place = |k: usize| [left + k % SIDE, top + k / SIDE];
-            let pixels = from_fn(|k| {
-                let [x, y] = place(k);
-                (x < width && y < rows).then_some(y * width + x)
-            });
-            let at = from_fn(|a| from_fn(|k| (place(k)[a] + [0, above][a]) as f64 + 0.5));
-            Square { pixels, at }
-        };
-        (0..rows).step_by(SIDE).flat_map(move |top| (0..width).step_by(SIDE).map(move |left| square(top, left)))
+    /// Returns the number of squares of [`SIDE`] × [`SIDE`] pixels.
+    pub(super) fn squares(&self) -> usize {
+        let rows = self.crossings.len() / self.width.max(1);
+        rows.div_ceil(SIDE) * self.width.div_ceil(SIDE)
+    }
+
+    /// Returns a square.
+    #[inline(always)]
+    pub(super) fn square(&self, n: usize) -> Square {
+        let (across, rows) = (self.width.div_ceil(SIDE), self.crossings.len() / self.width);
+        let [left, top] = [n % across * SIDE, n / across * SIDE];
+        let pixels = from_fn(|k| {
+            let (x, y) = (left + k % SIDE, top + k / SIDE);
+            (x < self.width && y < rows).then_some(y * self.width + x)
+        });
+        let first = [left as f64 + 0.5, (self.top + top) as f64 + 0.5];
+        let at = [from_fn(|k| first[0] + (k % SIDE) as f64), from_fn(|k| first[1] + (k / SIDE) as f64)];
+        Square { pixels, at }
     }
 }
 

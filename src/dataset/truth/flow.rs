@@ -53,7 +53,8 @@ impl Band<'_> {
     fn flow_to(&mut self, which: usize, to: &Neighbour<'_>, (eye, level): (&RaysFrom<'_>, Level)) {
         // A deformed scan is interpolated twice.
         let same_mm = if to.moved.is_some() { DEFORMED_MM } else { SAME_MM };
-        for square in self.squares() {
+        for square in 0..self.squares() {
+            let square = self.square(square);
             let (mut place, mut facing) = ([[f64::NAN; 16]; 3], [[0.0; 16]; 3]);
             for (k, n) in square.pixels.into_iter().enumerate() {
                 let Some((n, crossing)) = n.and_then(|n| Some((n, self.crossings[n].as_ref()?))) else { continue };

@@ -19,7 +19,7 @@ type Brick = Box<[AtomicU16]>;
 /// Remembers a number, a label for short, for each cube of half a voxel: that of its middle, whoever asks first. So the labels do not depend on the order of
 /// questions. Memory is taken where questions are.
 #[derive(Debug)]
-pub struct Lattice {
+pub(super) struct Lattice {
     grid: Grid,
     bricks: [usize; 3],
     known: Vec<OnceLock<Brick>>,
@@ -27,21 +27,21 @@ pub struct Lattice {
 
 impl Lattice {
     /// Creates one for a scan's grid.
-    pub fn new(grid: &Grid) -> Self {
+    pub(super) fn new(grid: &Grid) -> Self {
         let bricks = grid.dims().map(|n| (n * PER_VOXEL).div_ceil(SIDE));
         let known = std::iter::repeat_with(OnceLock::new).take(bricks.iter().product()).collect();
         Self { grid: grid.clone(), bricks, known }
     }
 
     /// Returns the label at a place (world, mm), below 65,535: what `find` returns for the middle of its cube.
-    pub fn label(&self, place: DVec3, find: &mut dyn FnMut(DVec3) -> u16) -> u16 {
+    pub(super) fn label(&self, place: DVec3, find: &mut dyn FnMut(DVec3) -> u16) -> u16 {
         let at = (self.grid.voxel(place) + 0.5) * PER_VOXEL as f64;
-        let cube = at.floor().to_array().map(|c| c as i64);
-        let inside = (0..3).all(|a| (0..(self.bricks[a] * SIDE) as i64).contains(&cube[a]));
-        if !inside {
+        // Whole numbers of what is not negative need no rounding downwards; what is no number is no cube either.
+        let last = DVec3::from_array(self.bricks.map(|n| (n * SIDE) as f64));
+        if !(at.cmpge(DVec3::ZERO).all() && at.cmplt(last).all()) {
             return find(place);
         }
-        let [x, y, z] = cube.map(|c| c as usize);
+        let [x, y, z] = at.to_array().map(|c| c as u32 as usize);
         let [i, j, k] = [x / SIDE, y / SIDE, z / SIDE];
         let brick = &self.known[i + self.bricks[0] * (j + self.bricks[1] * k)];
         let brick = brick.get_or_init(|| (0..SIDE * SIDE * SIDE).map(|_| AtomicU16::new(UNKNOWN)).collect());
@@ -50,7 +50,7 @@ impl Lattice {
         if known != UNKNOWN {
             return known;
         }
-        let middle = (at.floor() + 0.5) / PER_VOXEL as f64 - 0.5;
+        let middle = (DVec3::new(x as f64, y as f64, z as f64) + 0.5) / PER_VOXEL as f64 - 0.5;
         let found = find(self.grid.world(middle)).min(UNKNOWN - 1);
         own.store(found, Ordering::Relaxed);
         found

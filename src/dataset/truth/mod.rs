@@ -8,6 +8,7 @@ mod angle;
 mod band;
 mod crossing;
 mod flow;
+mod labels;
 mod lattice;
 #[cfg(test)]
 mod tests;
@@ -22,7 +23,7 @@ use rayon::prelude::*;
 pub use along::Rings;
 pub use crossing::Crossing;
 pub use flow::{HIDDEN, Neighbour, OUTSIDE};
-pub use lattice::Lattice;
+pub use labels::{Find, Labels};
 
 use crate::error::Result;
 use crate::progress::Progress;
@@ -75,12 +76,6 @@ impl Kind {
     }
 }
 
-/// What the wall belongs to at a point (world, mm), as numbers that the asker knows.
-pub trait Labeller: Sync {
-    /// Returns the number of what is at a point of the wall whose normal, into the gas, is known; and that of the part of the colon.
-    fn label(&self, place: DVec3, normal: DVec3, along: Option<f64>) -> [u8; 2];
-}
-
 /// What is measured, and in what.
 #[derive(Clone, Copy)]
 pub struct Subject<'a> {
@@ -97,7 +92,7 @@ pub struct Subject<'a> {
     /// The line of the colon, for [`Kind::Along`] and for labels by distance.
     pub rings: Option<&'a Rings>,
     /// For [`Kind::Labels`].
-    pub labeller: Option<&'a dyn Labeller>,
+    pub labels: Option<&'a Labels<'a>>,
 }
 
 /// The ground truth of a frame, row by row from the top left pixel. What was not asked for is empty.

@@ -30,7 +30,7 @@ fn speed() {
             tissue: None,
             neighbours,
             rings: None,
-            labeller: None,
+            labels: None,
         };
         let mut truth = Truth::default();
         truth.measure(subject, &Kind::ALL, &Progress::new()).unwrap();

@@ -13,7 +13,8 @@ impl Band<'_> {
     /// Finds where each pixel's ray crosses the wall, and what follows from that: nowhere if the camera is in the wall.
     pub(super) fn cross(&mut self, subject: &Subject<'_>, eyes: &Eyes<'_>) {
         self.facing = vec![Vec3::NAN; self.crossings.len()];
-        for square in self.squares() {
+        for square in 0..self.squares() {
+            let square = self.square(square);
             let aimed = fearless_simd::dispatch!(eyes.level, _simd => subject.view.directions(&square.at));
             let Some(directions) = aimed else {
                 self.cross_alone(subject, &square);

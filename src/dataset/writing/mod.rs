@@ -25,7 +25,7 @@ use super::camera::{Intrinsics, VisionPose};
 use super::deform::Deformation;
 use super::layout::{Entry, Index, Layout};
 use super::look::{Look, Painter};
-use super::truth::{Kind, Labeller, Neighbour, Rings, Subject, Times, Truth};
+use super::truth::{Kind, Labels, Neighbour, Rings, Subject, Times, Truth};
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::render::View;
@@ -57,7 +57,7 @@ pub struct Source<'a> {
     /// The wall.
     pub wall: Option<LumenMesh>,
     /// What the wall belongs to.
-    pub labeller: Option<&'a dyn Labeller>,
+    pub labels: Option<&'a Labels<'a>>,
     /// The names of the labels' numbers, and those of the parts.
     pub names: [Vec<String>; 2],
     /// Which ground truth.
@@ -194,7 +194,7 @@ fn take_all(
                 tissue: if is_deformed { Some(&tissue) } else { None },
                 neighbours: [neighbour(0), neighbour(1)],
                 rings: source.rings.as_ref(),
-                labeller: source.labeller,
+                labels: source.labels,
             };
             let mut truth = Truth::default();
             truth.measure(subject, &source.kinds, progress)?;

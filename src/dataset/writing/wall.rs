@@ -1,5 +1,6 @@
 //! The wall as a mesh, and when it was first seen.
 
+use std::array::from_fn;
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -11,7 +12,7 @@ use crate::error::Result;
 use crate::output;
 use crate::progress::Progress;
 use crate::render::View;
-use crate::render::leap::Crossings;
+use crate::render::leap::{Crossings, RaysFrom};
 use crate::surface::{LumenMesh, write_ply};
 
 /// The number of a face that no frame sees.
@@ -20,6 +21,8 @@ const NEVER: u16 = u16::MAX;
 const SAME_MM: f64 = 0.4;
 /// The most frames that are looked at. Of more, every second, third, … is.
 const MOST: usize = 4000;
+/// Faces that a thread looks at together: neighbours, so that the rays to sixteen of them lie close together.
+const CHUNK: usize = 1 << 10;
 
 /// Writes `wall.ply`, whose faces have the number of the first frame that sees them, and `coverage.csv` with the share of the wall's area
 /// seen up to each frame.
@@ -34,16 +37,29 @@ pub(super) fn write(
     let views = looked.iter().map(|n| Ok((source.views)(*n)?.0)).collect::<Result<Vec<View>>>()?;
     progress.stage("what was seen", 0);
     let corners = |t: usize| mesh.triangles()[t].map(|v| mesh.world(v));
-    let first: Vec<usize> = (0..mesh.triangles().len())
-        .into_par_iter()
-        .with_min_len(1 << 10)
-        .map(|t| {
-            let [a, b, c] = corners(t);
+    let eyes: Vec<RaysFrom<'_>> = views.iter().map(|view| rays.from(view.position())).collect();
+    let mut first = vec![usize::MAX; mesh.triangles().len()];
+    first.par_chunks_mut(CHUNK).enumerate().for_each(|(n, first)| {
+        let faces = (0..first.len()).map(|t| {
+            let [a, b, c] = corners(n * CHUNK + t);
             // Into the tissue.
-            let (middle, normal) = ((a + b + c) / 3.0, (b - a).cross(c - a));
-            views.iter().position(|view| sees(view, rays, middle, normal)).unwrap_or(usize::MAX)
-        })
-        .collect();
+            ((a + b + c) / 3.0, (b - a).cross(c - a))
+        });
+        let faces: Vec<(DVec3, DVec3)> = faces.collect();
+        for (n, (view, eye)) in views.iter().zip(&eyes).enumerate() {
+            let is_towards = |t: &usize| first[*t] == usize::MAX && may_see(view, faces[*t]);
+            let towards: Vec<usize> = (0..faces.len()).filter(is_towards).collect();
+            for some in towards.chunks(16) {
+                let ways: [DVec3; 16] = from_fn(|k| some.get(k).map_or(DVec3::X, |t| faces[*t].0 - eye.origin()));
+                let directions = from_fn(|a| ways.map(|way| way[a] / way.length()));
+                let ends = from_fn(|k| if k < some.len() { ways[k].length() - SAME_MM } else { 0.0 });
+                let met = eye.sixteen(&directions, &ends);
+                for (_, t) in some.iter().enumerate().filter(|(k, _)| met[*k] >= ends[*k]) {
+                    first[*t] = n;
+                }
+            }
+        }
+    });
     progress.check()?;
     let (mut by_frame, mut whole) = (vec![0.0; views.len()], 0.0);
     for (t, first) in first.iter().enumerate() {
@@ -75,16 +91,12 @@ pub(super) fn write(
     output::write_whole(&folder.join("coverage.csv"), csv)
 }
 
-/// True if a view sees a place (world, mm) of the wall whose normal into the tissue is known, of any length.
-fn sees(view: &View, rays: &Crossings, place: DVec3, normal: DVec3) -> bool {
-    let way = place - view.position();
-    if way.dot(normal) <= 0.0 {
+/// True if a face (its middle, world, mm, and its normal into the tissue) is turned towards a view and within its picture.
+fn may_see(view: &View, (place, normal): (DVec3, DVec3)) -> bool {
+    if (place - view.position()).dot(normal) <= 0.0 {
         return false;
     }
     let Some([u, v]) = view.project(place) else { return false };
     let is_inside = (0.0..view.width() as f64).contains(&u) && (0.0..view.height() as f64).contains(&v);
-    let mm = way.length();
-    is_inside
-        && view.ray_at(u, v).is_some()
-        && rays.first(view.position(), way / mm).is_none_or(|met| met >= mm - SAME_MM)
+    is_inside && view.ray_at(u, v).is_some()
 }
