@@ -13,7 +13,7 @@ mod shots;
 mod wall;
 
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -101,12 +101,14 @@ pub fn write(source: &Source<'_>, layout: &dyn Layout, folder: &Path, progress: 
     let mut written = Written { frames: source.count, ..Written::default() };
     let files = Mutex::new(Ok(Duration::ZERO));
     let (send, receive) = sync_channel::<Taken>(WRITERS);
+    let (give_back, used) = channel();
     let receive = Mutex::new(receive);
     let shot = std::thread::scope(|scope| {
         for _ in 0..WRITERS {
-            scope.spawn(|| save(&receive, part.path(), layout, &files));
+            let give_back = give_back.clone();
+            scope.spawn(|| save((&receive, give_back), part.path(), layout, &files));
         }
-        let taken = take_all((source, &rays), layout, part.path(), &files, &send, &mut written, progress);
+        let taken = take_all((source, &rays), layout, part.path(), &files, (&send, &used), &mut written, progress);
         // The threads end when there is no sender left.
         drop(send);
         taken
@@ -155,7 +157,7 @@ fn take_all(
     layout: &dyn Layout,
     folder: &Path,
     files: &Mutex<Result<Duration>>,
-    send: &SyncSender<Taken>,
+    (send, used): (&SyncSender<Taken>, &Receiver<Truth>),
     written: &mut Written,
     progress: &Progress,
 ) -> Result<()> {
@@ -196,7 +198,8 @@ fn take_all(
                 rings: source.rings.as_ref(),
                 labels: source.labels,
             };
-            let mut truth = Truth::default();
+            // Memory that was used before needs no clearing.
+            let mut truth = used.try_recv().unwrap_or_default();
             truth.measure(subject, &source.kinds, progress)?;
             let begun = Instant::now();
             let picture = painter.draw(&now.volume, &view, &truth.crossings, n as u64);
@@ -213,13 +216,20 @@ fn take_all(
     Ok(())
 }
 
-/// Writes frames until there are no more, or one cannot be written.
-fn save(frames: &Mutex<Receiver<Taken>>, folder: &Path, layout: &dyn Layout, files: &Mutex<Result<Duration>>) {
+/// Writes frames until there are no more, or one cannot be written, and gives the memory of their truth back.
+fn save(
+    (frames, give_back): (&Mutex<Receiver<Taken>>, Sender<Truth>),
+    folder: &Path,
+    layout: &dyn Layout,
+    files: &Mutex<Result<Duration>>,
+) {
     loop {
         let next = frames.lock().unwrap_or_else(PoisonError::into_inner).recv();
         let Ok(taken) = next else { return };
         let begun = Instant::now();
         let saved = taken.save(folder, layout);
+        // Nobody wants it once all frames are measured.
+        let _ = give_back.send(taken.truth);
         let mut files = files.lock().unwrap_or_else(PoisonError::into_inner);
         match (&mut *files, saved) {
             (Ok(time), Ok(())) => *time += begun.elapsed(),

@@ -87,28 +87,19 @@ impl RaysFrom<'_> {
                 (base[a][half], share[a][half]) = (floor + 1.0, at - floor);
             }
         }
-        let narrow = |[low, high]: Doubles<S>| simd.narrow_f64x8(low, high);
-        let whole = |x: [Doubles<S>; 3]| -> [i32x16<S>; 3] {
-            [narrow(x[0]).to_int(), narrow(x[1]).to_int(), narrow(x[2]).to_int()]
-        };
-        let wanted = narrow(wanted).simd_gt(f32x16::splat(simd, 0.5));
+        let wanted = narrow(simd, wanted).simd_gt(f32x16::splat(simd, 0.5));
         // Where the block is within the volume, so is the cell, which is the block's middle one or beside it.
-        let blocks = voxels.blocks(simd, whole(base), wanted)?;
-        let corners = apart(voxels.corners(simd, whole(cell), wanted)).map(|c| c.widen());
-        let turn = |half: usize| {
-            let inside = [inside[0][half], inside[1][half], inside[2][half]];
-            let corners = corners.map(|(low, high)| if half == 0 { low } else { high });
-            world(simd, gradient(corners, inside), &to_voxel)
-        };
-        let (low, high) = (turn(0), turn(1));
-        let exact = [narrow([low[0], high[0]]), narrow([low[1], high[1]]), narrow([low[2], high[2]])];
-        let share = [narrow(share[0]), narrow(share[1]), narrow(share[2])];
+        let blocks = voxels.blocks(simd, whole(simd, base), wanted)?;
+        let corners = apart(voxels.corners(simd, whole(simd, cell), wanted)).map(|c| c.widen());
+        let low = gradient(corners.map(|c| c.0), [inside[0][0], inside[1][0], inside[2][0]]);
+        let high = gradient(corners.map(|c| c.1), [inside[0][1], inside[1][1], inside[2][1]]);
+        let (low, high) = (world(simd, low, &to_voxel), world(simd, high, &to_voxel));
+        let exact = [narrow(simd, [low[0], high[0]]), narrow(simd, [low[1], high[1]]), narrow(simd, [low[2], high[2]])];
+        let share = [narrow(simd, share[0]), narrow(simd, share[1]), narrow(simd, share[2])];
         let smooth = towards(simd, differences(simd, &blocks, share), &to_voxel);
-        let single = |a: usize| {
-            let half = |from: usize| f64x8::from_slice(simd, &directions[a][from..from + 8]);
-            narrow([half(0), half(8)])
-        };
-        let facing = smooth[0] * single(0) + smooth[1] * single(1) + smooth[2] * single(2);
+        let facing = smooth[0] * single(simd, &directions[0])
+            + smooth[1] * single(simd, &directions[1])
+            + smooth[2] * single(simd, &directions[2]);
         // A wall without a gradient, touched at a single point, has no normal.
         let none = f32x16::splat(simd, f32::NAN);
         let is_known = wanted & finite(exact[0]);
@@ -117,6 +108,23 @@ impl RaysFrom<'_> {
         let known = |a: usize| is_known.select(exact[a], none).to_array();
         Some(Facing { normal: [known(0), known(1), known(2)], smooth: [pick(0), pick(1), pick(2)] })
     }
+}
+
+/// Returns sixteen numbers in single precision.
+#[inline(always)]
+fn narrow<S: Simd>(simd: S, [low, high]: Doubles<S>) -> f32x16<S> {
+    simd.narrow_f64x8(low, high)
+}
+
+#[inline(always)]
+fn single<S: Simd>(simd: S, all: &[f64; 16]) -> f32x16<S> {
+    narrow(simd, [f64x8::from_slice(simd, &all[..8]), f64x8::from_slice(simd, &all[8..])])
+}
+
+/// Returns whole numbers that single precision holds exactly.
+#[inline(always)]
+fn whole<S: Simd>(simd: S, [x, y, z]: [Doubles<S>; 3]) -> [i32x16<S>; 3] {
+    [narrow(simd, x).to_int(), narrow(simd, y).to_int(), narrow(simd, z).to_int()]
 }
 
 /// Returns the lanes that are numbers.
