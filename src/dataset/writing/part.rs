@@ -1,7 +1,7 @@
 //! A dataset's folder while it is not whole.
 
 use std::fs;
-use std::io::Read;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -11,7 +11,7 @@ use super::shots::{EXPOSURES, exposure};
 use super::{Source, path, readme};
 use crate::dataset::layout::{Index, Layout};
 use crate::error::{Error, Result};
-use crate::output;
+use crate::output::{self, AtomicFile};
 use crate::progress::Progress;
 
 /// What the dataset is, in the folder.
@@ -98,33 +98,53 @@ impl Part {
         write("exposure.csv", &exposures)?;
         let folder = path(&self.path, EXPOSURES);
         fs::remove_dir_all(&folder).map_err(|e| output::cannot(&folder, e))?;
-        let mut files = Vec::new();
-        list(&self.path, &self.path, &mut files)?;
-        files.retain(|name| name != SUMS);
-        files.sort();
-        progress.stage("checksums", files.len() as u64);
-        let sum = |name: &String| {
-            progress.advance(1)?;
-            Ok(format!("{}  {name}\n", sha256(&path(&self.path, name))?))
-        };
-        let sums: Vec<String> = files.par_iter().map(sum).collect::<Result<_>>()?;
-        write(SUMS, &sums.concat())?;
+        progress.stage("checksums", 0);
+        // Before the file of the sums is there.
+        let names = names(&self.path)?;
+        let mut file = AtomicFile::create(&path(&self.path, SUMS))?;
+        sums(&self.path, "", &names, &mut file, progress)?;
+        file.finish()?;
         // An empty folder of that name gives way.
         let _ = fs::remove_dir(&self.folder);
         fs::rename(&self.path, &self.folder).map_err(|e| output::cannot(&self.folder, e))
     }
 }
 
-/// Collects the names of files below a folder, with `/` between parts.
-fn list(root: &Path, at: &Path, out: &mut Vec<String>) -> Result<()> {
-    for entry in fs::read_dir(at).map_err(|e| output::cannot(at, e))? {
-        let path = entry.map_err(|e| output::cannot(at, e))?.path();
-        if path.is_dir() {
-            list(root, &path, out)?;
-        } else if let Ok(name) = path.strip_prefix(root) {
-            let parts = name.components().map(|c| c.as_os_str().to_string_lossy().into_owned());
-            out.push(parts.collect::<Vec<_>>().join("/"));
+/// Files whose sums are found at a time.
+const CHUNK: usize = 1 << 12;
+
+/// Returns the names in a folder in order, those of folders with `/` behind them: the order in which paths with `/` between parts are.
+fn names(folder: &Path) -> Result<Vec<String>> {
+    let mut names = Vec::new();
+    for entry in fs::read_dir(folder).map_err(|e| output::cannot(folder, e))? {
+        let entry = entry.map_err(|e| output::cannot(folder, e))?;
+        let end = if entry.path().is_dir() { "/" } else { "" };
+        names.push(format!("{}{end}", entry.file_name().to_string_lossy()));
+    }
+    names.sort_unstable();
+    Ok(names)
+}
+
+/// Writes the sums of the files with these `names` below `root`, whose paths begin with `before`, and of those in the folders among them. A
+/// million files of a folder take no more memory than their names.
+fn sums(root: &Path, before: &str, names: &[String], out: &mut dyn Write, progress: &Progress) -> Result<()> {
+    let is_file = |name: &String| !name.ends_with('/');
+    for some in names.chunk_by(|a, b| is_file(a) && is_file(b)).flat_map(|some| some.chunks(CHUNK)) {
+        if let [folder] = some
+            && !is_file(folder)
+        {
+            let whole = format!("{before}{folder}");
+            let inside = self::names(&path(root, whole.trim_end_matches('/')))?;
+            sums(root, &whole, &inside, out, progress)?;
+            continue;
         }
+        let sum = |name: &String| {
+            progress.advance(1)?;
+            Ok(format!("{}  {before}{name}\n", sha256(&path(root, &format!("{before}{name}")))?))
+        };
+        let wanted: Vec<&String> = some.iter().filter(|name| *name != SUMS || !before.is_empty()).collect();
+        let lines: Vec<String> = wanted.into_par_iter().map(sum).collect::<Result<_>>()?;
+        out.write_all(lines.concat().as_bytes()).map_err(|e| output::cannot(&path(root, SUMS), e))?;
     }
     Ok(())
 }
