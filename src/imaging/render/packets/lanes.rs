@@ -216,35 +216,8 @@ impl<'a> Padded<'a> {
     #[inline(always)]
     pub(crate) fn at<S: Simd>(&self, simd: S, at: i32x16<S>) -> i32x16<S> {
         let at = at.max(0).min((self.0.len() - 1 - SPARE) as i32);
-        let from = self.0.as_ptr();
-        let found = match simd.level() {
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx512(_) => {
-                use std::arch::x86_64::{_mm512_i32gather_epi32, _mm512_loadu_si512};
-                let at = at.as_array().as_ptr().cast();
-                // SAFETY: the level guarantees that the processor has AVX-512; four bytes at each index are within the data.
-                let found: i32x16<S> =
-                    unsafe { _mm512_i32gather_epi32::<1>(_mm512_loadu_si512(at), from.cast()) }.simd_into(simd);
-                found
-            }
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx2(_) => {
-                use std::arch::x86_64::{_mm256_i32gather_epi32, _mm256_loadu_si256};
-                let (from, at) = (from.cast(), at.as_array().as_ptr());
-                // SAFETY: the level guarantees that the processor has AVX2; four bytes at each index are within the data.
-                let (low, high) = unsafe {
-                    let (low, high) = (_mm256_loadu_si256(at.cast()), _mm256_loadu_si256(at.add(8).cast()));
-                    (_mm256_i32gather_epi32::<1>(from, low), _mm256_i32gather_epi32::<1>(from, high))
-                };
-                let (low, high): (i32x8<S>, i32x8<S>) = (low.simd_into(simd), high.simd_into(simd));
-                low.combine(high)
-            }
-            _ => {
-                let at = at.as_array();
-                i32x16::from_fn(simd, |k| i32::from(self.0[at[k] as usize]))
-            }
-        };
-        found & 255
+        // SAFETY: `new` ensured that the data are longer than what is spare, and four bytes at each index are within them.
+        unsafe { gather::<S, 1>(simd, self.0.as_ptr().cast(), at) & 255 }
     }
 }
 
@@ -274,14 +247,24 @@ fn weigh<S: Simd>(simd: S, pair: i32x16<S>, weights: i16x32<S>) -> f32x16<S> {
 /// `data` must point to memory that holds the numbers at each index and at the one after it.
 #[inline(always)]
 unsafe fn pairs<S: Simd>(simd: S, data: *const i16, at: i32x16<S>) -> i32x16<S> {
-    let from = data.cast::<i32>();
+    // SAFETY: that of the caller.
+    unsafe { gather::<S, 2>(simd, data.cast(), at) }
+}
+
+/// Returns what is at `at` times `SCALE` bytes from `from`.
+///
+/// # Safety
+/// Four bytes at each of these places must be readable.
+#[inline(always)]
+unsafe fn gather<S: Simd, const SCALE: i32>(simd: S, from: *const i32, at: i32x16<S>) -> i32x16<S> {
     match simd.level() {
         #[cfg(target_arch = "x86_64")]
         Level::Avx512(_) => {
             use std::arch::x86_64::{_mm512_i32gather_epi32, _mm512_loadu_si512};
             // SAFETY: the level guarantees that the processor has AVX-512; the caller guarantees that the loads are
             // within the data.
-            let found = unsafe { _mm512_i32gather_epi32::<2>(_mm512_loadu_si512(at.as_array().as_ptr().cast()), from) };
+            let found =
+                unsafe { _mm512_i32gather_epi32::<SCALE>(_mm512_loadu_si512(at.as_array().as_ptr().cast()), from) };
             found.simd_into(simd)
         }
         #[cfg(target_arch = "x86_64")]
@@ -291,7 +274,7 @@ unsafe fn pairs<S: Simd>(simd: S, data: *const i16, at: i32x16<S>) -> i32x16<S> 
             // SAFETY: the level guarantees that the processor has AVX2; the caller guarantees that the loads are within the data.
             let (low, high) = unsafe {
                 let (low, high) = (_mm256_loadu_si256(at.cast()), _mm256_loadu_si256(at.add(8).cast()));
-                (_mm256_i32gather_epi32::<2>(from, low), _mm256_i32gather_epi32::<2>(from, high))
+                (_mm256_i32gather_epi32::<SCALE>(from, low), _mm256_i32gather_epi32::<SCALE>(from, high))
             };
             let (low, high): (i32x8<S>, i32x8<S>) = (low.simd_into(simd), high.simd_into(simd));
             low.combine(high)
@@ -300,7 +283,7 @@ unsafe fn pairs<S: Simd>(simd: S, data: *const i16, at: i32x16<S>) -> i32x16<S> 
             let mut found = [0; 16];
             for (found, at) in found.iter_mut().zip(at.as_array()) {
                 // SAFETY: the caller guarantees that the load is within the data.
-                *found = unsafe { from.byte_offset(2 * *at as isize).read_unaligned() };
+                *found = unsafe { from.byte_offset(SCALE as isize * *at as isize).read_unaligned() };
             }
             found.simd_into(simd)
         }
