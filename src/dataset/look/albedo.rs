@@ -1,7 +1,8 @@
 //! The colour of the wall, fixed to it: mucosa, its vessels, and residue that a tag shows.
 
-use glam::{Affine3A, Vec2, Vec3};
+use glam::{Affine3A, Vec3};
 
+use super::lanes::{LANES, Lanes};
 use super::noise::Noise;
 use super::vessels::Vessels;
 use crate::math::hash;
@@ -34,11 +35,11 @@ impl Mucosa {
 /// The mucosa's mean colour, linear red, green and blue.
 pub const BASE: [f32; 3] = [0.66, 0.22, 0.145];
 /// Where much blood lies under it.
-const RED: Vec3 = Vec3::new(0.58, 0.115, 0.085);
+const RED: [f32; 3] = [0.58, 0.115, 0.085];
 /// A vessel.
-const BLOOD: Vec3 = Vec3::new(0.30, 0.045, 0.04);
+const BLOOD: [f32; 3] = [0.30, 0.045, 0.04];
 /// Tagged fluid and stool.
-const RESIDUE: Vec3 = Vec3::new(0.50, 0.33, 0.09);
+const RESIDUE: [f32; 3] = [0.50, 0.33, 0.09];
 /// Residue is what reaches the first value, HU, this far behind the wall; from the second on it hides the mucosa.
 const RESIDUE_HU: [f32; 2] = [150.0, 250.0];
 const BEHIND_MM: f32 = 1.5;
@@ -74,43 +75,51 @@ impl Albedo {
         }
     }
 
-    /// Returns the share of linear red, green and blue light that the wall scatters at a point (world, mm) with a normal.
+    /// Returns the share of linear red, green and blue light that the wall scatters at sixteen points (world, mm) with normals.
     #[inline(always)]
-    pub(super) fn of(&self, place: Vec3, normal: Vec3) -> Vec3 {
-        let base = Vec3::from_array(BASE);
+    pub(super) fn sixteen(&self, place: &[Lanes; 3], normal: &[Lanes; 3]) -> [Lanes; 3] {
+        let mut out = BASE.map(|base| [base; LANES]);
         if !self.is_on {
-            return base;
+            return out;
         }
         let [light, red, dark] = self.strength;
-        let coarse = self.noise.at(place * (1.0 / PATCHES_MM));
-        let [blood, fine] = self.near(place, normal).to_array();
-        let fine = 2.0 * fine - 1.0;
-        let redness = red * (0.25 + coarse.y + 0.5 * fine).clamp(0.0, 1.0);
-        let brightness = 1.0 + light * (coarse.x + 0.5 * fine);
-        // Vessels come and go: they lie at different depths.
-        let shown = dark * (0.8 + 0.7 * coarse.z).clamp(0.2, 1.0);
-        (base.lerp(RED, redness) * brightness).lerp(BLOOD, shown * blood)
+        let coarse = self.noise.sixteen(&place.map(|axis| axis.map(|x| x * (1.0 / PATCHES_MM))));
+        let [blood, fine] = self.near(place, normal);
+        for k in 0..LANES {
+            let fine = 2.0 * fine[k] - 1.0;
+            let redness = (red * (0.25 + coarse[1][k] + 0.5 * fine)).clamp(0.0, 1.0);
+            let brightness = 1.0 + light * (coarse[0][k] + 0.5 * fine);
+            // Vessels come and go: they lie at different depths.
+            let shown = dark * (0.8 + 0.7 * coarse[2][k]).clamp(0.2, 1.0) * blood[k];
+            for c in 0..3 {
+                let mucosa = (BASE[c] + (RED[c] - BASE[c]) * redness) * brightness;
+                out[c][k] = mucosa + (BLOOD[c] - mucosa) * shown;
+            }
+        }
+        out
     }
 
-    /// Returns how much blood lies under a point, and how the colour varies near it: that of the tile on the three planes, by how much each
-    /// faces the point.
+    /// Returns how much blood lies under points, and how the colour varies near them: that of the tile on the three planes, by how much
+    /// each faces the point.
     #[inline(always)]
-    fn near(&self, place: Vec3, normal: Vec3) -> Vec2 {
-        let share = (normal.abs() - LEAST).max(Vec3::ZERO);
-        let share = share * share;
-        let [x, y, z] = place.to_array();
-        let mut near = Vec2::ZERO;
+    fn near(&self, place: &[Lanes; 3], normal: &[Lanes; 3]) -> [Lanes; 2] {
+        let mut near = [[0.0; LANES]; 2];
+        let mut sum = [1e-6; LANES];
         // Different parts of the tile, so that no plane mirrors another.
-        if share.x > 0.0 {
-            near += share.x * self.vessels.at(Vec2::new(y + 17.3, z));
+        for (across, [u, v], by) in [(0, [1, 2], [17.3, 0.0]), (1, [2, 0], [5.9, 31.7]), (2, [1, 0], [40.1, 11.3])] {
+            let mut share = [0.0; LANES];
+            for k in 0..LANES {
+                let own = (normal[across][k].abs() - LEAST).max(0.0);
+                share[k] = own * own;
+                sum[k] += share[k];
+            }
+            let at = [place[u].map(|x| x + by[0]), place[v].map(|x| x + by[1])];
+            self.vessels.add(&at, &share, &mut near);
         }
-        if share.y > 0.0 {
-            near += share.y * self.vessels.at(Vec2::new(z + 5.9, x + 31.7));
+        for k in 0..LANES {
+            (near[0][k], near[1][k]) = (near[0][k] / sum[k], near[1][k] / sum[k]);
         }
-        if share.z > 0.0 {
-            near += share.z * self.vessels.at(Vec2::new(y + 40.1, x + 11.3));
-        }
-        near / share.element_sum().max(1e-6)
+        near
     }
 
     /// Returns how a normal is turned at a point by the bumps of the mucus on the wall.
@@ -136,19 +145,35 @@ impl<'a> Residue<'a> {
         Self { volume, data: voxels.data(), dims: grid.dims(), to_voxel: grid.to_voxel().as_affine3a() }
     }
 
-    /// Returns the colour with that of residue, if a tag shows some behind a point of the wall (world, mm).
+    /// Covers the colours of sixteen points of the wall (world, mm) with that of residue where a tag shows some behind them.
     #[inline(always)]
-    pub(super) fn over(&self, colour: Vec3, place: Vec3, normal: Vec3) -> Vec3 {
-        let behind = place - normal * BEHIND_MM;
-        // The nearest voxel tells that most places have none, in a fraction of the time.
-        let [i, j, k] = (self.to_voxel.transform_point3(behind) + 0.5).to_array().map(|x| x as i32 as usize);
+    pub(super) fn over(&self, colours: &mut [Lanes; 3], place: &[Lanes; 3], normal: &[Lanes; 3]) {
         let [nx, ny, nz] = self.dims;
-        let is_inside = i < nx && j < ny && k < nz;
-        if !is_inside || f32::from(self.data[i + nx * (j + ny * k)]) < 0.5 * RESIDUE_HU[0] {
-            return colour;
+        let columns = self.to_voxel.matrix3.to_cols_array_2d();
+        let from = self.to_voxel.translation.to_array();
+        let mut cell = [[0; LANES]; 3];
+        for k in 0..LANES {
+            let behind = |a: usize| place[a][k] - normal[a][k] * BEHIND_MM;
+            let [x, y, z] = [behind(0), behind(1), behind(2)];
+            for a in 0..3 {
+                let at = columns[0][a] * x + columns[1][a] * y + columns[2][a] * z + from[a] + 0.5;
+                cell[a][k] = at as i32;
+            }
         }
-        let [from, to] = RESIDUE_HU;
-        let share = ((space::value(self.volume, behind.as_dvec3()) - from) / (to - from)).clamp(0.0, 1.0);
-        colour.lerp(RESIDUE, 0.9 * share)
+        for k in 0..LANES {
+            // The nearest voxel tells that most places have none, in a fraction of the time.
+            let [x, y, z] = [cell[0][k] as usize, cell[1][k] as usize, cell[2][k] as usize];
+            let is_inside = x < nx && y < ny && z < nz;
+            if !is_inside || f32::from(self.data[x + nx * (y + ny * z)]) < 0.5 * RESIDUE_HU[0] {
+                continue;
+            }
+            let [from, to] = RESIDUE_HU;
+            let at = |all: &[Lanes; 3]| Vec3::new(all[0][k], all[1][k], all[2][k]);
+            let behind = at(place) - at(normal) * BEHIND_MM;
+            let share = ((space::value(self.volume, behind.as_dvec3()) - from) / (to - from)).clamp(0.0, 1.0);
+            for c in 0..3 {
+                colours[c][k] += (RESIDUE[c] - colours[c][k]) * (0.9 * share);
+            }
+        }
     }
 }

@@ -4,6 +4,7 @@ use fearless_simd::Level;
 use glam::{DVec3, Vec3};
 
 use super::albedo::{Albedo, Residue};
+use super::lanes::{LANES, Lanes};
 use super::{Look, Mucosa};
 use crate::dataset::truth::Crossing;
 use crate::render::View;
@@ -11,6 +12,9 @@ use crate::space::PreparedVolume;
 
 /// Least distance between a lamp and the wall, mm.
 const NEAREST_MM: f32 = 0.05;
+
+/// The most lamps.
+const LAMPS: usize = 8;
 
 /// What a pixel sends to the lens.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -22,11 +26,6 @@ pub(super) struct Sent {
     /// The wall's own colour.
     pub albedo: Vec3,
 }
-
-/// Pixels that are lit at once.
-pub(super) const LANES: usize = 16;
-/// A number of each pixel.
-type Lanes = [f32; LANES];
 
 /// The lamps of a frame. Places are relative to the lens, in the world's directions, mm: single precision suffices there.
 pub(super) struct Lamps<'a> {
@@ -48,8 +47,8 @@ impl<'a> Lamps<'a> {
         Self {
             eye: view.position(),
             forward: view.forward().as_vec3(),
-            lamps: look.lights_mm.iter().map(place).collect(),
-            strength: 1.0 / look.lights_mm.len().max(1) as f32,
+            lamps: look.lights_mm.iter().take(LAMPS).map(place).collect(),
+            strength: 1.0 / look.lights_mm.len().clamp(1, LAMPS) as f32,
             look,
             albedo,
             residue: Residue::new(volume),
@@ -83,31 +82,49 @@ impl<'a> Lamps<'a> {
             (back[0][k], back[1][k], back[2][k]) = (x * short, y * short, z * short);
         }
         let (mut diffuse, mut gloss) = ([0.0; LANES], [0.0; LANES]);
-        for (bit, lamp) in self.lamps.iter().enumerate() {
+        // The light that falls from each lamp where there may be gloss; 0 elsewhere.
+        let (mut shining, mut is_hot) = ([[0.0; LANES]; LAMPS], [false; LANES]);
+        for ((bit, lamp), shining) in self.lamps.iter().enumerate().zip(&mut shining) {
             let (mut falling, hot) = self.falling(*lamp, [&place, &normal, &back]);
             for (falling, dark) in falling.iter_mut().zip(dark) {
                 *falling *= f32::from(u8::from(dark >> bit & 1 == 0));
             }
             for k in 0..LANES {
                 diffuse[k] += falling[k];
-                if hot[k] * falling[k] > 0.0 && self.polish > 0.0 {
-                    let at = |all: &[Lanes; 3]| Vec3::new(all[0][k], all[1][k], all[2][k]);
-                    let half = ((*lamp - at(&place)).normalize_or_zero() + at(&back)).normalize_or_zero();
-                    let world = self.eye.as_vec3() + at(&place);
-                    let bumpy = (at(&normal) + self.albedo.bumps(world)).normalize_or_zero();
-                    gloss[k] += falling[k] * self.polish * power(half.dot(bumpy).max(0.0), self.look.polish);
-                }
+                shining[k] = if hot[k] > 0.0 { falling[k] } else { 0.0 };
+                is_hot[k] |= shining[k] > 0.0;
             }
         }
-        let mut out = [Sent::default(); LANES];
+        for k in (0..LANES).filter(|k| is_hot[*k] && self.polish > 0.0) {
+            let at = |all: &[Lanes; 3]| Vec3::new(all[0][k], all[1][k], all[2][k]);
+            let (place, back) = (at(&place), at(&back));
+            let bumpy = (at(&normal) + self.albedo.bumps(self.eye.as_vec3() + place)).normalize_or_zero();
+            for (lamp, shining) in self.lamps.iter().zip(&shining).filter(|(_, shining)| shining[k] > 0.0) {
+                let half = ((*lamp - place).normalize_or_zero() + back).normalize_or_zero();
+                gloss[k] += shining[k] * self.polish * power(half.dot(bumpy).max(0.0), self.look.polish);
+            }
+        }
+        let mut tissue = [[0.0; LANES]; 3];
+        let mut world = [[0.0; LANES]; 3];
+        let mut is_found = [false; LANES];
         for (k, c) in found.iter().enumerate().take(LANES) {
             let Some(c) = c else { continue };
-            let (world, normal) = (c.place.as_vec3(), c.smooth);
-            let mut albedo = self.albedo.of(c.tissue, normal);
-            if self.look.mucosa != Mucosa::Off {
-                albedo = self.residue.over(albedo, world, normal);
+            is_found[k] = true;
+            let at = c.place.as_vec3();
+            for axis in 0..3 {
+                (tissue[axis][k], world[axis][k]) = (c.tissue[axis], at[axis]);
             }
-            out[k] = Sent { linear: albedo * diffuse[k] + gloss[k], gloss: gloss[k], albedo };
+        }
+        let mut albedo = self.albedo.sixteen(&tissue, &normal);
+        if self.look.mucosa != Mucosa::Off {
+            self.residue.over(&mut albedo, &world, &normal);
+        }
+        let mut out = [Sent::default(); LANES];
+        for k in 0..LANES {
+            let own = Vec3::new(albedo[0][k], albedo[1][k], albedo[2][k]);
+            if is_found[k] {
+                out[k] = Sent { linear: own * diffuse[k] + gloss[k], gloss: gloss[k], albedo: own };
+            }
         }
         out
     }

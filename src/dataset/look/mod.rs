@@ -1,6 +1,7 @@
 //! The picture of a frame as an endoscope makes it: lamps beside the lens, the mucosa's colour, gloss, exposure, noise.
 
 mod albedo;
+mod lanes;
 mod light;
 mod noise;
 mod sensor;
@@ -19,7 +20,8 @@ use crate::math::hash;
 use crate::render::View;
 use crate::space::PreparedVolume;
 use albedo::Albedo;
-use light::{LANES, Lamps, Sent};
+use lanes::LANES;
+use light::{Lamps, Sent};
 use sensor::Reader;
 
 /// Pixels that a thread draws at a time.

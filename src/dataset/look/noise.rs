@@ -2,6 +2,7 @@
 
 use glam::{Vec3, Vec4};
 
+use super::lanes::{LANES, Lanes};
 use crate::math::hash;
 
 /// Side of the lattice, after which the numbers repeat.
@@ -16,8 +17,15 @@ const MAGIC: f32 = 12_582_912.0;
 /// below and 1: interpolation does not mind.
 #[inline(always)]
 pub(super) fn split(x: f32, modulo: usize) -> (usize, f32) {
+    let (whole, more) = split_32(x, modulo as u32);
+    (whole as usize, more)
+}
+
+/// Does the same with 32 bits: several at once.
+#[inline(always)]
+pub(super) fn split_32(x: f32, modulo: u32) -> (u32, f32) {
     let whole = x - 0.5 + MAGIC;
-    (whole.to_bits() as usize & (modulo - 1), x - (whole - MAGIC))
+    (whole.to_bits() & (modulo - 1), x - (whole - MAGIC))
 }
 
 /// Numbers at the corners of a lattice.
@@ -40,13 +48,38 @@ impl Noise {
         Self(all)
     }
 
+    /// Returns the first three numbers at sixteen points, as [`Noise::at`].
+    #[inline(always)]
+    pub(super) fn sixteen(&self, points: &[Lanes; 3]) -> [Lanes; 3] {
+        let (mut cells, mut shares) = ([[0; LANES]; 3], [[0.0; LANES]; 3]);
+        for ((points, cells), shares) in points.iter().zip(&mut cells).zip(&mut shares) {
+            for k in 0..LANES {
+                let (cell, t) = split_32(points[k].clamp(-MOST, MOST), SIDE as u32);
+                (cells[k], shares[k]) = (cell, t * t * (3.0 - 2.0 * t));
+            }
+        }
+        let mut out = [[0.0; LANES]; 3];
+        for k in 0..LANES {
+            let found = self.between([0, 1, 2].map(|a| cells[a][k] as usize), [0, 1, 2].map(|a| shares[a][k]));
+            (out[0][k], out[1][k], out[2][k]) = (found.x, found.y, found.z);
+        }
+        out
+    }
+
     /// Returns the four numbers at a point, −1 to 1. Its unit is the distance over which they change; they repeat after 32 units. Finite
     /// for every finite point.
     #[inline(always)]
     pub(super) fn at(&self, point: Vec3) -> Vec4 {
         let point = point.clamp(Vec3::splat(-MOST), Vec3::splat(MOST));
         let [(i, x), (j, y), (k, z)] = [point.x, point.y, point.z].map(|x| split(x, SIDE));
-        let [x, y, z] = [x, y, z].map(|t| t * t * (3.0 - 2.0 * t));
+        self.between([i, j, k], [x, y, z].map(|t| t * t * (3.0 - 2.0 * t)))
+    }
+
+    /// Returns the numbers between the corners of a cell.
+    #[inline(always)]
+    fn between(&self, [i, j, k]: [usize; 3], [x, y, z]: [f32; 3]) -> Vec4 {
+        // Cells are below the side already: that keeps checks of bounds out.
+        let [i, j, k] = [i, j, k].map(|n| n & (SIDE - 1));
         let [right, down, deep] = [i, j, k].map(|n| (n + 1) & (SIDE - 1));
         let row = |row: &[Vec4; SIDE]| row[i] + (row[right] - row[i]) * x;
         let plane = |plane: &[[Vec4; SIDE]; SIDE]| {

@@ -1,17 +1,19 @@
 //! The place of a point in the colon: distance along its line, distance from it, and angle about it.
 
+use std::array::from_fn;
 use std::sync::Arc;
 
 use fearless_simd::Level;
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 
+use super::Subject;
 use super::angle::angle;
-use super::band::{Band, set};
+use super::band::Band;
 use super::lattice::Lattice;
-use super::{Crossing, Labels, Subject};
 use crate::fields::Along;
 use crate::fields::centerline::Centerline;
 use crate::fields::frames::{Frame, STEP_MM, evenly, frames};
+use crate::render::Sixteen;
 use crate::volume::Grid;
 
 /// The nearest point of the line is looked for within this of the one that the colon's map names, mm along.
@@ -22,6 +24,21 @@ const _: () = assert!(2.0 * WINDOW_MM / STEP_MM + 1.0 <= FRAMES as f64);
 /// Steps in which that is remembered, mm.
 const NEAR_STEP_MM: f64 = 0.5;
 
+/// From a frame to the next: where it begins and the way, mm; 1/way², 1/mm²; the distance along the line as scanned and what it grows by,
+/// mm; the tangents of both, and their normals.
+type Step = [f64; 21];
+
+/// Returns the way from a frame to the next, whose distances along the line are known, mm.
+fn step([a, b]: [&Frame; 2], mm: [f64; 2]) -> Step {
+    let way = b.at - a.at;
+    let mut out = [0.0; 21];
+    let parts = [a.at, way, DVec3::new(1.0 / way.length_squared().max(1e-12), mm[0], mm[1] - mm[0])];
+    for (k, part) in parts.into_iter().chain([a.tangent, b.tangent, a.normal, b.normal]).enumerate() {
+        out[3 * k..3 * k + 3].copy_from_slice(&part.to_array());
+    }
+    out
+}
+
 /// The line of a colon with frames that do not turn about it.
 #[derive(Debug)]
 pub struct Rings {
@@ -29,6 +46,9 @@ pub struct Rings {
     /// Where places are along the line, in steps of [`NEAR_STEP_MM`] from 1; 0 for nowhere.
     known: Lattice,
     frames: Vec<Frame>,
+    /// The sum of the directions to each frame and from it.
+    bends: Vec<DVec3>,
+    steps: Vec<Step>,
     /// x, y and z of the frames, and of as many beyond the last as are looked at together.
     at: [Vec<f32>; 3],
     /// Distance of each frame along the line as scanned, mm.
@@ -45,9 +65,13 @@ impl Rings {
         let beyond = [f32::INFINITY; FRAMES];
         let of = |axis: usize| frames.iter().map(|f| f.at[axis] as f32).chain(beyond).collect();
         let at = [of(0), of(1), of(2)];
+        let way = |n: usize| frames.get(n + 1).map_or(DVec3::ZERO, |b| (b.at - frames[n].at).normalize_or_zero());
+        let bends = (0..frames.len()).map(|n| n.checked_sub(1).map_or(DVec3::ZERO, way) + way(n)).collect();
         (frames.len() > 1 && frames.len() == mm.len()).then(|| Self {
+            bends,
+            steps: (1..frames.len()).map(|n| step([&frames[n - 1], &frames[n]], [mm[n - 1], mm[n]])).collect(),
             along: Arc::clone(along),
-            known: Lattice::new(grid),
+            known: Lattice::new(grid, 1),
             at,
             frames,
             mm,
@@ -61,55 +85,55 @@ impl Rings {
     }
 
     /// Returns the distances along the line, mm, those from the line, mm, and the angles about it, radians from −π to π, of sixteen points
-    /// (world, mm); NaN for those that are not finite, or farther than 12 mm from the lumen. Angle 0 is towards the patient's front where
+    /// (world, mm), each of which belongs to the lumen at a place in voxels; NaN for those that are not finite, or farther than 12 mm from the lumen. Angle 0 is towards the patient's front where
     /// the line begins.
-    pub(super) fn sixteen(&self, places: &[DVec3; 16]) -> [[f64; 16]; 3] {
-        fearless_simd::dispatch!(self.level, _simd => self.measure(places))
+    pub(super) fn sixteen(&self, places: &Sixteen, voxels: &Sixteen) -> Sixteen {
+        fearless_simd::dispatch!(self.level, _simd => self.measure(places, voxels))
     }
 
     #[inline(always)]
-    fn measure(&self, places: &[DVec3; 16]) -> [[f64; 16]; 3] {
-        let mut out = [[f64::NAN; 16]; 3];
-        // Of each point: its share of the way from a frame to the next, its offset from there, and both frames' tangents and normals.
-        let (mut shares, mut offset) = ([0.0; 16], [[0.0; 16]; 3]);
-        let (mut tangent, mut normal) = ([[[1.0; 16]; 3]; 2], [[[1.0; 16]; 3]; 2]);
-        for (k, place) in places.iter().enumerate().filter(|p| p.1.is_finite()) {
-            let Some((n, share, at)) = self.nearest(*place) else { continue };
-            let (a, b) = (&self.frames[n], &self.frames[n + 1]);
-            shares[k] = share;
-            out[0][k] = self.mm[n] + (self.mm[n + 1] - self.mm[n]) * share;
-            let away = (*place - at).to_array();
-            for axis in 0..3 {
-                offset[axis][k] = away[axis];
-                (tangent[0][axis][k], tangent[1][axis][k]) = (a.tangent[axis], b.tangent[axis]);
-                (normal[0][axis][k], normal[1][axis][k]) = (a.normal[axis], b.normal[axis]);
+    fn measure(&self, places: &Sixteen, voxels: &Sixteen) -> Sixteen {
+        // A number of all sixteen steps at a time.
+        let (mut steps, mut is_known) = ([[1.0; 16]; 21], [false; 16]);
+        for k in 0..16 {
+            let (place, voxel) = (DVec3::from_array(places.map(|p| p[k])), voxels.map(|v| v[k]));
+            let Some(step) = self.nearest(place, voxel).filter(|_| place.is_finite()) else { continue };
+            is_known[k] = true;
+            for (all, own) in steps.iter_mut().zip(&self.steps[step]) {
+                all[k] = *own;
             }
         }
-        let is_known = out[0].map(|mm| mm.is_finite());
+        let mut out = [[f64::NAN; 16]; 3];
         for k in 0..16 {
-            let [x, y, z] = [offset[0][k], offset[1][k], offset[2][k]];
-            let between =
-                |of: &[[[f64; 16]; 3]; 2], axis: usize| of[0][axis][k] + (of[1][axis][k] - of[0][axis][k]) * shares[k];
-            let [tx, ty, tz] = [between(&tangent, 0), between(&tangent, 1), between(&tangent, 2)];
-            let [nx, ny, nz] = [between(&normal, 0), between(&normal, 1), between(&normal, 2)];
+            let step = |n: usize| [steps[n][k], steps[n + 1][k], steps[n + 2][k]];
+            let ([ax, ay, az], [wx, wy, wz], [inverse, mm, more]) = (step(0), step(3), step(6));
+            let (x, y, z) = (places[0][k] - ax, places[1][k] - ay, places[2][k] - az);
+            // The nearest point of the step.
+            let share = ((x * wx + y * wy + z * wz) * inverse).clamp(0.0, 1.0);
+            let (x, y, z) = (x - wx * share, y - wy * share, z - wz * share);
+            let between = |n: usize| steps[n][k] + (steps[n + 3][k] - steps[n][k]) * share;
+            let [tx, ty, tz] = [between(9), between(10), between(11)];
+            let [nx, ny, nz] = [between(15), between(16), between(17)];
             let square = tx * tx + ty * ty + tz * tz;
             let tilt = (nx * tx + ny * ty + nz * tz) / square;
             let [nx, ny, nz] = [nx - tx * tilt, ny - ty * tilt, nz - tz * tilt];
             // Both as long as the tangent: only their ratio matters.
             let right = (x * nx + y * ny + z * nz) * square.sqrt();
             let up = x * (ty * nz - tz * ny) + y * (tz * nx - tx * nz) + z * (tx * ny - ty * nx);
-            out[1][k] = if is_known[k] { (x * x + y * y + z * z).sqrt() } else { f64::NAN };
-            out[2][k] = if is_known[k] { angle(up, right) } else { f64::NAN };
+            let none = |x: f64| if is_known[k] { x } else { f64::NAN };
+            out[0][k] = none(mm + more * share);
+            out[1][k] = none((x * x + y * y + z * z).sqrt());
+            out[2][k] = none(angle(up, right));
         }
         out
     }
 
-    /// Returns the frame after which the nearest point of the line lies, its share of the way to the next one, and the point.
+    /// Returns the step on which the nearest point of the line lies.
     #[inline(always)]
-    fn nearest(&self, place: DVec3) -> Option<(usize, f64, DVec3)> {
+    fn nearest(&self, place: DVec3, voxel: [f64; 3]) -> Option<usize> {
         let mut steps =
             |place| self.along.of(place).map_or(0, |at| (at.mm / NEAR_STEP_MM).clamp(0.0, 65_000.0) as u16 + 1);
-        let about = f64::from(self.known.label(place, &mut steps).checked_sub(1)?) * NEAR_STEP_MM;
+        let about = f64::from(self.known.label(place, voxel, &mut steps).checked_sub(1)?) * NEAR_STEP_MM;
         // The frames are evenly spaced.
         let frame = |mm: f64| mm.max(0.0) / STEP_MM;
         let last = (frame(about + WINDOW_MM) as usize + 1).clamp(2, self.frames.len());
@@ -124,16 +148,9 @@ impl Rings {
             least = least.min(if k < last - first { square } else { u32::MAX });
         }
         let nearest = first + (least & 15) as usize;
-        // The nearest point of the two lengths that meet there.
-        let on = |n: usize| {
-            let (a, b) = (self.frames[n].at, self.frames[n + 1].at);
-            let share = ((place - a).dot(b - a) / (b - a).length_squared().max(1e-12)).clamp(0.0, 1.0);
-            let at = a.lerp(b, share);
-            (at.distance_squared(place), (n, share, at))
-        };
-        let (before, after) = (nearest.saturating_sub(1), nearest.min(self.frames.len() - 2));
-        let (one, other) = (on(before), on(after));
-        Some(if other.0 < one.0 { other.1 } else { one.1 })
+        // Of the two steps that meet there, the one to whose side of the bend the place lies is nearer, or both are as near.
+        let is_before = (place - self.frames[nearest].at).dot(self.bends[nearest]) < 0.0;
+        Some(nearest.saturating_sub(usize::from(is_before)).min(self.steps.len() - 1))
     }
 }
 
@@ -143,21 +160,49 @@ impl Band<'_> {
         if self.labels.is_empty() && self.along.is_empty() {
             return;
         }
+        let grid = subject.volume.voxels().grid();
+        // The middle of the cube around a place that far from the wall is on the same side of the wall.
+        let (to_voxel, into_gas) = (grid.to_voxel(), 0.5 * grid.spacing().length());
+        let level = Level::new();
         for square in 0..self.squares() {
             let square = self.square(square);
-            // What is not deformed is known better.
-            let tissue = |c: &Crossing| if subject.tissue.is_some() { c.tissue.as_dvec3() } else { c.place };
-            let found = square.pixels.map(|n| self.crossings[n?].as_ref());
-            let places = found.map(|c| c.map_or(DVec3::NAN, tissue));
-            let along = subject.rings.map_or([[f64::NAN; 16]; 3], |rings| rings.sixteen(&places));
-            for (k, n) in square.pixels.into_iter().enumerate() {
-                let Some(n) = n else { continue };
-                set(self.along, n, || along.map(|a| a[k] as f32));
-                set(self.labels, n, || {
-                    let label = |labels: &Labels<'_>| labels.label(places[k], self.facing[n].as_dvec3(), along[0][k]);
-                    subject.labels.filter(|_| found[k].is_some()).map(label).unwrap_or_default()
-                });
+            let (mut places, mut normals) = ([[f64::NAN; 16]; 3], [[0.0; 3]; 16]);
+            for (k, n) in square.pixels() {
+                let Some(crossing) = &self.crossings[n] else { continue };
+                // What is not deformed is known better.
+                let at = if subject.tissue.is_some() { crossing.tissue.as_dvec3() } else { crossing.place };
+                (places[0][k], places[1][k], places[2][k]) = at.into();
+                normals[k] = self.facing[n];
             }
+            let (voxels, before) = fearless_simd::dispatch!(level, _simd => {
+                (moved(to_voxel, &places, &normals, 0.0), moved(to_voxel, &places, &normals, into_gas))
+            });
+            let along = subject.rings.map_or([[f64::NAN; 16]; 3], |rings| rings.sixteen(&places, &before));
+            square.store(self.along, &from_fn(|k| along.map(|a| a[k] as f32)));
+            if self.labels.is_empty() {
+                continue;
+            }
+            let label = |k: usize| {
+                let place = DVec3::from_array(places.map(|p| p[k]));
+                let labels = subject.labels.filter(|_| !place.is_nan());
+                labels.map_or([0; 2], |all| all.label(place, voxels.map(|v| v[k]), normals[k], along[0][k]))
+            };
+            square.store(self.labels, &from_fn(label));
         }
     }
+}
+
+/// Returns places, moved by so much along their normals, in voxels.
+#[inline(always)]
+fn moved(to_voxel: &DAffine3, places: &Sixteen, normals: &[[f32; 3]; 16], by: f64) -> Sixteen {
+    let (m, from) = (to_voxel.matrix3.to_cols_array_2d(), to_voxel.translation.to_array());
+    let mut out = [[0.0; 16]; 3];
+    for k in 0..16 {
+        let along = |a: usize| places[a][k] + by * f64::from(normals[k][a]);
+        let [x, y, z] = [along(0), along(1), along(2)];
+        for (a, out) in out.iter_mut().enumerate() {
+            out[k] = m[0][a] * x + m[1][a] * y + m[2][a] * z + from[a];
+        }
+    }
+    out
 }

@@ -4,7 +4,6 @@ use std::array::from_fn;
 use std::iter::repeat_with;
 
 use fearless_simd::Level;
-use glam::Vec3;
 
 use super::{Crossing, Subject, Truth};
 use crate::render::leap::RaysFrom;
@@ -37,8 +36,11 @@ pub(super) struct Band<'a> {
     pub top: usize,
     pub width: usize,
     pub crossings: &'a mut [Option<Crossing>],
+    /// For the frames before and after, how far each square's rays from here, and those from there to the same points, have no wall before
+    /// them, mm from here.
+    pub clear: [Vec<f64>; 2],
     /// The wall's normals, whether or not they are asked for.
-    pub facing: Vec<Vec3>,
+    pub facing: Vec<[f32; 3]>,
     pub depth: &'a mut [f32],
     pub z: &'a mut [f32],
     pub normals: &'a mut [[f32; 3]],
@@ -52,10 +54,40 @@ pub(super) struct Band<'a> {
 
 /// A square of pixels, row by row.
 pub(super) struct Square {
-    /// The pixels within the band; `None` beyond the picture.
-    pub pixels: [Option<usize>; 16],
-    /// Their middles, x and y, pixels from the picture's top left corner.
+    /// The first pixel, within the band.
+    first: usize,
+    /// Pixels in a row of the picture.
+    width: usize,
+    /// Columns and rows within the picture.
+    columns: usize,
+    rows: usize,
+    /// The pixels' middles, x and y, pixels from the picture's top left corner.
     pub at: [[f64; 16]; 2],
+}
+
+impl Square {
+    /// Returns the pixels within the picture: the number in the square, and that in the band.
+    #[inline(always)]
+    pub(super) fn pixels(&self) -> impl Iterator<Item = (usize, usize)> {
+        let (columns, first, width) = (self.columns, self.first, self.width);
+        (0..self.rows).flat_map(move |y| (0..columns).map(move |x| (SIDE * y + x, first + width * y + x)))
+    }
+
+    /// Writes the square's values to those of the band, unless these were not asked for.
+    #[inline(always)]
+    pub(super) fn store<T: Copy>(&self, all: &mut [T], values: &[T; 16]) {
+        if all.is_empty() {
+            return;
+        }
+        for y in 0..self.rows {
+            let (from, to) = (&values[SIDE * y..SIDE * (y + 1)], &mut all[self.first + self.width * y..]);
+            // Copies of a known length need no call.
+            match to.first_chunk_mut::<SIDE>() {
+                Some(to) if self.columns == SIDE => to.copy_from_slice(from),
+                _ => to[..self.columns].copy_from_slice(&from[..self.columns]),
+            }
+        }
+    }
 }
 
 /// Returns the bands of a frame, from top to bottom.
@@ -79,6 +111,7 @@ pub(super) fn bands(truth: &mut Truth, width: usize) -> Vec<Band<'_>> {
             top: n * ROWS,
             width,
             crossings: crossings.next()?,
+            clear: Default::default(),
             facing: Vec::new(),
             depth: depth.next()?,
             z: z.next()?,
@@ -106,19 +139,14 @@ impl Band<'_> {
     pub(super) fn square(&self, n: usize) -> Square {
         let (across, rows) = (self.width.div_ceil(SIDE), self.crossings.len() / self.width);
         let [left, top] = [n % across * SIDE, n / across * SIDE];
-        let pixels = from_fn(|k| {
-            let (x, y) = (left + k % SIDE, top + k / SIDE);
-            (x < self.width && y < rows).then_some(y * self.width + x)
-        });
-        let first = [left as f64 + 0.5, (self.top + top) as f64 + 0.5];
-        let at = [from_fn(|k| first[0] + (k % SIDE) as f64), from_fn(|k| first[1] + (k / SIDE) as f64)];
-        Square { pixels, at }
-    }
-}
-
-/// Sets an entry of what was asked for.
-pub(super) fn set<T>(all: &mut [T], n: usize, value: impl FnOnce() -> T) {
-    if let Some(own) = all.get_mut(n) {
-        *own = value();
+        let middle = [left as f64 + 0.5, (self.top + top) as f64 + 0.5];
+        let at = [from_fn(|k| middle[0] + (k % SIDE) as f64), from_fn(|k| middle[1] + (k / SIDE) as f64)];
+        Square {
+            first: top * self.width + left,
+            width: self.width,
+            columns: SIDE.min(self.width - left),
+            rows: SIDE.min(rows - top),
+            at,
+        }
     }
 }

@@ -53,7 +53,7 @@ pub(super) fn write(
                 let ways: [DVec3; 16] = from_fn(|k| some.get(k).map_or(DVec3::X, |t| faces[*t].0 - eye.origin()));
                 let directions = from_fn(|a| ways.map(|way| way[a] / way.length()));
                 let ends = from_fn(|k| if k < some.len() { ways[k].length() - SAME_MM } else { 0.0 });
-                let met = eye.sixteen(&directions, &ends);
+                let met = eye.sixteen(&directions, &[0.0; 16], &ends);
                 for (_, t) in some.iter().enumerate().filter(|(k, _)| met[*k] >= ends[*k]) {
                     first[*t] = n;
                 }

@@ -5,6 +5,7 @@
 //! renderers that leap or prove reuse by them; all others are spared the memory.
 
 pub(crate) mod bricks;
+mod bundles;
 pub(crate) mod chessboard;
 pub(crate) mod chosen;
 pub(crate) mod crossings;
@@ -19,6 +20,7 @@ use crate::space::PreparedVolume;
 use crate::space::flags::BRICK_SHIFT;
 
 pub use bricks::{BrickLeap, BrickWalls};
+pub use bundles::Bundles;
 pub use chosen::Leaper;
 pub use crossings::{Crossings, RaysFrom};
 pub use facing::Facing;

@@ -1,8 +1,7 @@
 //! Sixteen exact crossings at once, for rays from one point that lie close together.
 //!
 //! All rays leap together in single precision until they come to a cell in which the value along them comes near the wall's. What they
-//! pass over is free of wall for certain: positions are wrong by less than a thousandth of a voxel, over which the value changes by less
-//! than [`MARGIN`]. In the cell that is left the crossing is that of [`first_crossing`](crate::space::first_crossing): the first root of
+//! pass over is free of wall for certain: the value changes by less than [`MARGIN`] over what positions are wrong by. In the cell that is left the crossing is that of [`first_crossing`](crate::space::first_crossing): the first root of
 //! the cubic between the planes where the ray enters and leaves the cell, in double precision. Where the value rises throughout the cell,
 //! eight roots are found at once by Newton's method from the chord; the few other rays go on one by one.
 //!
@@ -13,18 +12,18 @@ use std::array::from_fn;
 use fearless_simd::{Simd, f32x16, f64x8, i32x16, mask32x16, prelude::*};
 use glam::DVec3;
 
-use super::crossings::RaysFrom;
+use super::crossings::{Crossings, RaysFrom};
 use crate::render::camera::Sixteen;
 use crate::render::packets::lanes::{Corners, Padded, Voxels};
 use crate::space::ray::{BESIDE, STILL, Segment, TOUCH};
 
 /// How far a leap goes beyond the plane that it ends at, voxels. It is above the rounding of distances, so that all rays move on.
 const BEYOND: f64 = 3e-4;
-/// A ray may meet the wall in a cell if the value along it comes this near, HU: over what positions are wrong by, no value changes more,
-/// unless two neighbouring voxels differ by more than 4000 HU. Where they do, a ray that crosses the wall is found to be in it where it
-/// enters the next cell, and goes on by itself from a little before that one; only what a ray touches for less than a thousandth of a
-/// voxel may be missed.
-const MARGIN: f32 = 4.0;
+/// A ray may meet the wall in a cell if the value along it comes this near for each voxel of the longest axis, HU: over what positions are
+/// wrong by, no value changes more, unless two neighbouring voxels differ by more than 4000 HU. Where they do, a ray that crosses the wall
+/// is found to be in it where it enters the next cell, and goes on by itself from a little before that one; only what a ray touches for
+/// less than a thousandth of a voxel may be missed.
+const MARGIN: f32 = 1.0 / 512.0;
 /// Axes along which single precision moves slower than this count as at rest, voxels/mm.
 const STILL_32: f32 = 1e-12;
 /// The most steps of Newton's method. More are needed only where the cubic is steep, by rays one by one.
@@ -42,22 +41,38 @@ struct Rays<S: Simd> {
 }
 
 /// The same in single precision.
-struct Way<S: Simd> {
-    along: [f32x16<S>; 3],
-    inverse: [f32x16<S>; 3],
+pub(super) struct Way<S: Simd> {
+    pub along: [f32x16<S>; 3],
+    pub inverse: [f32x16<S>; 3],
+}
+
+impl<S: Simd> Way<S> {
+    /// An axis at rest becomes one along which the ray moves by nothing that matters.
+    #[inline(always)]
+    pub(super) fn new(simd: S, along: [Doubles<S>; 3]) -> Self {
+        let least = f32x16::splat(simd, STILL_32);
+        let moving = |[low, high]: Doubles<S>| {
+            let along = simd.narrow_f64x8(low, high);
+            along.abs().simd_lt(STILL_32).select(least, along)
+        };
+        let along = [moving(along[0]), moving(along[1]), moving(along[2])];
+        let one = f32x16::splat(simd, 1.0);
+        Self { along, inverse: [one / along[0], one / along[1], one / along[2]] }
+    }
 }
 
 impl RaysFrom<'_> {
     /// Returns the distance in mm along each of sixteen directions (world; of unit length) to the wall, as [`RaysFrom::first`]; infinite
-    /// where there is none within `ends`, mm. An end of 0 or less tells that a ray is not asked for.
-    pub fn sixteen(&self, directions: &Sixteen, ends: &[f64; 16]) -> [f64; 16] {
+    /// where there is none within `ends`, mm. An end of 0 or less tells that a ray is not asked for. Before `begins`, mm, there must be no
+    /// wall: see [`RaysFrom::clear`].
+    pub fn sixteen(&self, directions: &Sixteen, begins: &[f64; 16], ends: &[f64; 16]) -> [f64; 16] {
         let one = |k: usize| DVec3::new(directions[0][k], directions[1][k], directions[2][k]);
         let alone = |k: usize| self.first(one(k)).filter(|mm| *mm <= ends[k]).unwrap_or(f64::INFINITY);
         let is_asked = |k: usize| ends[k] > 0.0;
         let Some((voxels, free)) = &self.lanes else {
             return from_fn(|k| if is_asked(k) { alone(k) } else { f64::INFINITY });
         };
-        fearless_simd::dispatch!(self.crossings.level, simd => self.leap(simd, (voxels, free), directions, ends))
+        fearless_simd::dispatch!(self.crossings.level, simd => self.leap(simd, (voxels, free), directions, [begins, ends]))
     }
 
     /// Returns the directions in voxels/mm.
@@ -103,24 +118,20 @@ impl RaysFrom<'_> {
         simd: S,
         (voxels, free): (&Voxels<'_>, &Padded<'_>),
         directions: &Sixteen,
-        ends: &[f64; 16],
+        [begins, ends]: [&[f64; 16]; 2],
     ) -> [f64; 16] {
         let (rays, mut active) = self.rays(simd, directions, ends);
         let mut out = [f64::INFINITY; 16];
-        // An axis at rest becomes one along which the ray moves by nothing that matters.
-        let least = f32x16::splat(simd, STILL_32);
-        let moving = |[low, high]: Doubles<S>| {
-            let along = simd.narrow_f64x8(low, high);
-            along.abs().simd_lt(STILL_32).select(least, along)
-        };
-        let along = [moving(rays.along[0]), moving(rays.along[1]), moving(rays.along[2])];
-        let one = f32x16::splat(simd, 1.0);
-        let way = Way { along, inverse: [one / along[0], one / along[1], one / along[2]] };
-        let beyond = f32x16::splat(simd, BEYOND as f32) / along[0].abs().max(along[1].abs()).max(along[2].abs());
-        let end = simd.narrow_f64x8(rays.ends[0], rays.ends[1]) * 1.000_001 + beyond;
-        let mut t = f32x16::splat(simd, 0.0);
+        let way = Way::new(simd, rays.along);
+        let beyond =
+            f32x16::splat(simd, BEYOND as f32) / way.along[0].abs().max(way.along[1].abs()).max(way.along[2].abs());
+        let ends = simd.narrow_f64x8(rays.ends[0], rays.ends[1]);
+        let end = ends * 1.000_001 + beyond;
+        let begin = f64x8::from_slice(simd, &begins[..8]);
+        let begin = simd.narrow_f64x8(begin, f64x8::from_slice(simd, &begins[8..]));
+        let mut t = (begin - beyond * 2.0).max(0.0);
         loop {
-            let found = self.next_cells(simd, (voxels, free), &way, (&mut t, &mut active), (beyond, end));
+            let found = self.next_cells(simd, (voxels, free), &way, (&mut t, &mut active), (beyond, ends));
             if !found.any_true() {
                 return out;
             }
@@ -139,7 +150,7 @@ impl RaysFrom<'_> {
 
     /// Returns the cells that the rays are in at `t`, and their positions, voxels.
     #[inline(always)]
-    fn place<S: Simd>(&self, simd: S, way: &Way<S>, t: f32x16<S>) -> ([f32x16<S>; 3], [f32x16<S>; 3]) {
+    pub(super) fn place<S: Simd>(&self, simd: S, way: &Way<S>, t: f32x16<S>) -> ([f32x16<S>; 3], [f32x16<S>; 3]) {
         let from = self.from.as_vec3().to_array();
         let at = [way.along[0] * t + from[0], way.along[1] * t + from[1], way.along[2] * t + from[2]];
         let last = self.crossings.dims.map(|n| n as f32 - 2.0);
@@ -156,7 +167,7 @@ impl RaysFrom<'_> {
 
     /// Returns where the rays leave the cells around theirs, `reach` king's moves in every direction, mm.
     #[inline(always)]
-    fn reach<S: Simd>(&self, way: &Way<S>, cell: [f32x16<S>; 3], reach: f32x16<S>) -> f32x16<S> {
+    pub(super) fn reach<S: Simd>(&self, way: &Way<S>, cell: [f32x16<S>; 3], reach: f32x16<S>) -> f32x16<S> {
         let from = self.from.as_vec3().to_array();
         let half = reach + 0.5;
         let leave = |a: usize| (cell[a] - (from[a] - 0.5)) * way.inverse[a] + half * way.inverse[a].abs();
@@ -172,9 +183,11 @@ impl RaysFrom<'_> {
         (voxels, free): (&Voxels<'_>, &Padded<'_>),
         way: &Way<S>,
         (t, active): (&mut f32x16<S>, &mut mask32x16<S>),
-        (beyond, end): (f32x16<S>, f32x16<S>),
+        (beyond, ends): (f32x16<S>, f32x16<S>),
     ) -> mask32x16<S> {
         let [nx, ny, _] = self.crossings.dims.map(|n| n as i32);
+        // Ends as they may be after rounding.
+        let (near_end, end) = (ends * 1.000_000_2, ends * 1.000_001 + beyond);
         let mut found = *active & !*active;
         while active.any_true() {
             let (cell, at) = self.place(simd, way, *t);
@@ -189,7 +202,7 @@ impl RaysFrom<'_> {
             let next = next.max(*t);
             let beside = *active & moves.simd_eq(0);
             if beside.any_true() {
-                let length = next - *t;
+                let length = next.min(near_end).max(*t) - *t;
                 let inside = [at[0] - cell[0], at[1] - cell[1], at[2] - cell[2]];
                 let step = way.along.map(|s| s * length);
                 let near = beside & self.comes_near(simd, voxels, ([x, y, z], beside), inside, step);
@@ -232,7 +245,7 @@ impl RaysFrom<'_> {
         // The cubic stays within the hull of its Bernstein coefficients.
         let (low, high) = (c0 + c1 * (1.0 / 3.0), c0 + (c1 * 2.0 + c2) * (1.0 / 3.0));
         let most = c0.max(low).max(high).max(c0 + c1 + c2 + c3);
-        most.simd_ge(iso - MARGIN) | !within
+        most.simd_ge(iso - self.crossings.margin()) | !within
     }
 
     /// Finds the crossings of the rays `found` within their cells. Returns the rays that are done.
@@ -392,13 +405,20 @@ pub(super) fn apart<S: Simd>(corners: Corners<S>) -> [f32x16<S>; 8] {
     [low(p), high(p), low(q), high(q), low(r), high(r), low(s), high(s)]
 }
 
+impl Crossings {
+    /// Returns how near the value must come to the wall's for a ray to meet it, HU.
+    #[inline(always)]
+    fn margin(&self) -> f32 {
+        MARGIN * self.dims.into_iter().fold(128, usize::max) as f32
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::math::hash::Stream;
     use crate::phantom::Phantom;
     use crate::progress::Progress;
-    use crate::render::leap::Crossings;
     use crate::render::normal_at;
     use crate::render::packets::levels;
     use crate::space::{PreparedVolume, TransferFunction};
@@ -434,7 +454,7 @@ mod tests {
             let rays = crossings.from(grid.world(middle + place * middle));
             let directions = about(&mut draw, [0.0, 0.01, 0.1, 1.0][n % 4], n);
             let ends = from_fn(|k| if n % 5 == 0 { draw.within(-10.0, 90.0) } else { [f64::INFINITY, 30.0][k % 2] });
-            let found = rays.sixteen(&directions, &ends);
+            let found = rays.sixteen(&directions, &[0.0; 16], &ends);
             for k in 0..16 {
                 let one = DVec3::new(directions[0][k], directions[1][k], directions[2][k]);
                 let alone = rays.first(one).filter(|mm| *mm <= ends[k] && ends[k] > 0.0);
@@ -470,7 +490,7 @@ mod tests {
                 let place = DVec3::from_array(from_fn(|a| draw.within(-1.5, dims[a] as f64 + 0.5)));
                 let rays = crossings.from(grid.world(place));
                 let directions = about(&mut draw, [0.0, 0.02, 1.0][n % 3], n);
-                let found = rays.sixteen(&directions, &[f64::INFINITY; 16]);
+                let found = rays.sixteen(&directions, &[0.0; 16], &[f64::INFINITY; 16]);
                 let facing = rays.facing(&directions, &found);
                 for k in 0..16 {
                     let one = DVec3::new(directions[0][k], directions[1][k], directions[2][k]);
@@ -485,12 +505,15 @@ mod tests {
         assert!(wrong * 10_000 < rays_all, "{wrong} of {rays_all}");
         let (_, crossings) = colon();
         for nowhere in [DVec3::NAN, DVec3::splat(1e30)] {
-            assert_eq!(crossings.from(nowhere).sixteen(&[[0.6; 16]; 3], &[f64::INFINITY; 16]), [f64::INFINITY; 16]);
+            assert_eq!(
+                crossings.from(nowhere).sixteen(&[[0.6; 16]; 3], &[0.0; 16], &[f64::INFINITY; 16]),
+                [f64::INFINITY; 16]
+            );
         }
         let rays = crossings.from(DVec3::ZERO);
         for odd in [f64::NAN, f64::INFINITY, 0.0, 1e-300] {
             let directions = [[odd; 16]; 3];
-            let found = rays.sixteen(&directions, &[f64::INFINITY; 16]);
+            let found = rays.sixteen(&directions, &[0.0; 16], &[f64::INFINITY; 16]);
             let one = rays.first(DVec3::splat(odd)).unwrap_or(f64::INFINITY);
             assert!(found.iter().all(|mm| *mm == one), "{odd}: {found:?} {one}");
         }
@@ -509,7 +532,7 @@ mod tests {
                 let place = DVec3::from_array(from_fn(|_| draw.within(-0.9, 0.9)));
                 let rays = crossings.from(grid.world(middle + place * middle));
                 let directions = about(&mut draw, 0.05, n as usize);
-                let found = rays.sixteen(&directions, &[f64::INFINITY; 16]).map(f64::to_bits);
+                let found = rays.sixteen(&directions, &[0.0; 16], &[f64::INFINITY; 16]).map(f64::to_bits);
                 let facing = rays.facing(&directions, &found.map(f64::from_bits));
                 let bits = (found, format!("{facing:?}"));
                 assert!(*first.get_or_insert_with(|| bits.clone()) == bits, "{name} {n}");
@@ -529,7 +552,7 @@ mod tests {
             let origin = grid.world(middle + place * middle);
             let rays = crossings.from(origin);
             let directions = about(&mut draw, 0.1, n);
-            let mm = rays.sixteen(&directions, &[f64::INFINITY; 16]);
+            let mm = rays.sixteen(&directions, &[0.0; 16], &[f64::INFINITY; 16]);
             let facing = rays.facing(&directions, &mm);
             for k in 0..16 {
                 let direction = DVec3::new(directions[0][k], directions[1][k], directions[2][k]);
