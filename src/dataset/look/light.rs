@@ -95,14 +95,8 @@ impl<'a> Lamps<'a> {
                 is_hot[k] |= shining[k] > 0.0;
             }
         }
-        for k in (0..LANES).filter(|k| is_hot[*k] && self.polish > 0.0) {
-            let at = |all: &[Lanes; 3]| Vec3::new(all[0][k], all[1][k], all[2][k]);
-            let (place, back) = (at(&place), at(&back));
-            let bumpy = (at(&normal) + self.albedo.bumps(self.eye.as_vec3() + place)).normalize_or_zero();
-            for (lamp, shining) in self.lamps.iter().zip(&shining).filter(|(_, shining)| shining[k] > 0.0) {
-                let half = ((*lamp - place).normalize_or_zero() + back).normalize_or_zero();
-                gloss[k] += shining[k] * self.polish * power(half.dot(bumpy).max(0.0), self.look.polish);
-            }
+        if self.polish > 0.0 && is_hot.contains(&true) {
+            self.shine([&place, &back, &normal], (&shining, &is_hot), &mut gloss);
         }
         let mut tissue = [[0.0; LANES]; 3];
         let mut world = [[0.0; LANES]; 3];
@@ -129,6 +123,38 @@ impl<'a> Lamps<'a> {
         out
     }
 
+    /// Adds the gloss of points on which lamps fall, where there may be some.
+    #[inline(always)]
+    fn shine(
+        &self,
+        [place, back, normal]: [&[Lanes; 3]; 3],
+        (shining, is_hot): (&[Lanes; LAMPS], &[bool; LANES]),
+        gloss: &mut Lanes,
+    ) {
+        let mut bumpy = *normal;
+        for k in (0..LANES).filter(|k| is_hot[*k]) {
+            let at = Vec3::new(place[0][k], place[1][k], place[2][k]);
+            let bumps = self.albedo.bumps(self.eye.as_vec3() + at);
+            (bumpy[0][k], bumpy[1][k], bumpy[2][k]) =
+                (bumpy[0][k] + bumps.x, bumpy[1][k] + bumps.y, bumpy[2][k] + bumps.z);
+        }
+        for (lamp, shining) in self.lamps.iter().zip(shining) {
+            let mut shine = [0.0; LANES];
+            for k in 0..LANES {
+                let (x, y, z) = (lamp.x - place[0][k], lamp.y - place[1][k], lamp.z - place[2][k]);
+                let short = 1.0 / (x * x + y * y + z * z).max(f32::MIN_POSITIVE).sqrt();
+                let (x, y, z) = (x * short + back[0][k], y * short + back[1][k], z * short + back[2][k]);
+                let [p, q, r] = [bumpy[0][k], bumpy[1][k], bumpy[2][k]];
+                let lengths = (x * x + y * y + z * z) * (p * p + q * q + r * r);
+                shine[k] = ((x * p + y * q + z * r) / lengths.max(f32::MIN_POSITIVE).sqrt()).clamp(0.0, 1.0);
+            }
+            power(&mut shine, self.look.polish);
+            for k in 0..LANES {
+                gloss[k] += shining[k] * self.polish * shine[k];
+            }
+        }
+    }
+
     /// Returns the light that falls from a lamp on each point, and a number above 0 where there may be gloss. Without branches, so that
     /// several points are computed with each instruction.
     #[inline(always)]
@@ -147,28 +173,24 @@ impl<'a> Lamps<'a> {
             // The bumps turn no normal so far that there is gloss elsewhere.
             hot[k] = across * across - 0.81 * (x * x + y * y + z * z);
         }
-        let mut n = self.look.cone;
-        while n > 0 {
-            for k in 0..LANES {
-                falling[k] *= if n & 1 == 0 { 1.0 } else { aside[k] };
-                aside[k] *= aside[k];
-            }
-            n >>= 1;
+        power(&mut aside, self.look.cone);
+        for k in 0..LANES {
+            falling[k] *= aside[k];
         }
         (falling, hot)
     }
 }
 
-/// Returns `x` to a whole power, by squaring.
-#[inline]
-fn power(x: f32, mut n: u32) -> f32 {
-    let (mut square, mut out) = (x, 1.0);
+/// Raises numbers to a whole power, by squaring.
+#[inline(always)]
+fn power(all: &mut Lanes, mut n: u32) {
+    let mut square = *all;
+    *all = [1.0; LANES];
     while n > 0 {
-        if n & 1 != 0 {
-            out *= square;
+        for k in 0..LANES {
+            all[k] *= if n & 1 == 0 { 1.0 } else { square[k] };
+            square[k] *= square[k];
         }
-        square *= square;
         n >>= 1;
     }
-    out
 }

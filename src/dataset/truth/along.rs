@@ -4,12 +4,14 @@ use std::array::from_fn;
 use std::sync::Arc;
 
 use fearless_simd::Level;
-use glam::{DAffine3, DVec3};
+use glam::DVec3;
 
 use super::Subject;
 use super::angle::angle;
 use super::band::Band;
+use super::labels::Wall;
 use super::lattice::Lattice;
+use super::places::{moved, nth};
 use crate::fields::Along;
 use crate::fields::centerline::Centerline;
 use crate::fields::frames::{Frame, STEP_MM, evenly, frames};
@@ -96,7 +98,7 @@ impl Rings {
         // A number of all sixteen steps at a time.
         let (mut steps, mut is_known) = ([[1.0; 16]; 21], [false; 16]);
         for k in 0..16 {
-            let (place, voxel) = (DVec3::from_array(places.map(|p| p[k])), voxels.map(|v| v[k]));
+            let (place, voxel) = (DVec3::from_array(nth(places, k)), nth(voxels, k));
             let Some(step) = self.nearest(place, voxel).filter(|_| place.is_finite()) else { continue };
             is_known[k] = true;
             for (all, own) in steps.iter_mut().zip(&self.steps[step]) {
@@ -178,31 +180,11 @@ impl Band<'_> {
                 (moved(to_voxel, &places, &normals, 0.0), moved(to_voxel, &places, &normals, into_gas))
             });
             let along = subject.rings.map_or([[f64::NAN; 16]; 3], |rings| rings.sixteen(&places, &before));
-            square.store(self.along, &from_fn(|k| along.map(|a| a[k] as f32)));
-            if self.labels.is_empty() {
-                continue;
+            square.store(self.along, &from_fn(|k| nth(&along, k).map(|x| x as f32)));
+            if !self.labels.is_empty() {
+                let wall = Wall { places, voxels, normals, along: along[0] };
+                square.store(self.labels, &subject.labels.map_or([[0; 2]; 16], |all| all.sixteen(&wall, level)));
             }
-            let label = |k: usize| {
-                let place = DVec3::from_array(places.map(|p| p[k]));
-                let labels = subject.labels.filter(|_| !place.is_nan());
-                labels.map_or([0; 2], |all| all.label(place, voxels.map(|v| v[k]), normals[k], along[0][k]))
-            };
-            square.store(self.labels, &from_fn(label));
         }
     }
-}
-
-/// Returns places, moved by so much along their normals, in voxels.
-#[inline(always)]
-fn moved(to_voxel: &DAffine3, places: &Sixteen, normals: &[[f32; 3]; 16], by: f64) -> Sixteen {
-    let (m, from) = (to_voxel.matrix3.to_cols_array_2d(), to_voxel.translation.to_array());
-    let mut out = [[0.0; 16]; 3];
-    for k in 0..16 {
-        let along = |a: usize| places[a][k] + by * f64::from(normals[k][a]);
-        let [x, y, z] = [along(0), along(1), along(2)];
-        for (a, out) in out.iter_mut().enumerate() {
-            out[k] = m[0][a] * x + m[1][a] * y + m[2][a] * z + from[a];
-        }
-    }
-    out
 }

@@ -1,8 +1,11 @@
 //! What the wall belongs to, and the part of the colon.
 
-use glam::DVec3;
+use fearless_simd::Level;
+use glam::{DVec3, Vec3};
 
 use super::lattice::Lattice;
+use super::places::{moved, nth};
+use crate::render::Sixteen;
 use crate::space::{self, PreparedVolume};
 
 /// From this value on, HU, what lies [`BEHIND_MM`] behind the wall is tagged fluid or stool.
@@ -37,27 +40,55 @@ impl<'a> Labels<'a> {
         Self { kinds: Kinds::Tag(volume, [tag, wall]), parts }
     }
 
-    /// Returns the number of what is at a point of the wall (world, mm, and in voxels) whose normal, into the gas, is known; and that of the
-    /// part of the colon at a distance along the line, mm: 0 if that is NaN.
+    /// Returns the numbers of what is at sixteen points of the wall (world, mm, and in voxels) whose normals, into the gas, are known; and
+    /// those of the parts of the colon at distances along the line, mm: 0 where that is NaN. All are 0 for points that are not numbers.
     #[inline(always)]
-    pub(super) fn label(&self, place: DVec3, voxel: [f64; 3], normal: [f32; 3], along: f64) -> [u8; 2] {
-        let part = self.parts.iter().map(|begin| u8::from(*begin <= along)).sum();
-        let kind = match &self.kinds {
-            Kinds::Found(find, known) => known.label(place, voxel, &mut |place| find(place).into()) as u8,
-            Kinds::Tag(volume, [tag, wall]) => {
-                let behind = place - DVec3::from_array(normal.map(f64::from)) * BEHIND_MM;
-                if may_reach(volume, behind, TAG_HU) && space::value(volume, behind) >= TAG_HU { *tag } else { *wall }
+    pub(super) fn sixteen(&self, wall: &Wall, level: Level) -> [[u8; 2]; 16] {
+        let Wall { places, voxels, normals, along } = wall;
+        let mut out = [[0; 2]; 16];
+        let is_place = |k: usize| !places[0][k].is_nan();
+        for begin in &self.parts {
+            for (out, along) in out.iter_mut().zip(along) {
+                out[1] += u8::from(*begin <= *along);
             }
-        };
-        [kind, part]
+        }
+        match &self.kinds {
+            Kinds::Found(find, known) => {
+                for k in (0..16).filter(|k| is_place(*k)) {
+                    let place = DVec3::from_array(nth(places, k));
+                    out[k][0] = known.label(place, nth(voxels, k), &mut |place| find(place).into()) as u8;
+                }
+            }
+            Kinds::Tag(volume, [tag, wall]) => {
+                let to_voxel = volume.voxels().grid().to_voxel();
+                let behind = fearless_simd::dispatch!(level, _simd => moved(to_voxel, places, normals, -BEHIND_MM));
+                for k in (0..16).filter(|k| is_place(*k)) {
+                    let place =
+                        || DVec3::from_array(nth(places, k)) - Vec3::from_array(normals[k]).as_dvec3() * BEHIND_MM;
+                    let is_tag = may_reach(volume, nth(&behind, k), TAG_HU) && space::value(volume, place()) >= TAG_HU;
+                    out[k][0] = if is_tag { *tag } else { *wall };
+                }
+            }
+        }
+        out
     }
 }
 
-/// True if one of the eight voxels around a place (world, mm) is `least` HU or more, or there are not eight.
+/// Sixteen points of the wall.
+pub(super) struct Wall {
+    /// World, mm. Those that are not known are NaN.
+    pub places: Sixteen,
+    pub voxels: Sixteen,
+    /// Into the gas, world.
+    pub normals: [[f32; 3]; 16],
+    /// Distances along the line, mm.
+    pub along: [f64; 16],
+}
+
+/// True if one of the eight voxels around a place (voxels) is `least` HU or more, or there are not eight.
 #[inline(always)]
-fn may_reach(volume: &PreparedVolume, place: DVec3, least: f32) -> bool {
+fn may_reach(volume: &PreparedVolume, at: [f64; 3], least: f32) -> bool {
     let (grid, data) = (volume.voxels().grid(), volume.voxels().data());
-    let at = grid.voxel(place).to_array();
     let [nx, ny, nz] = grid.dims();
     // What is negative or no number is below every cell.
     let is_inside = |a: usize, n: usize| at[a] >= 0.0 && at[a] < n as f64 - 1.0;

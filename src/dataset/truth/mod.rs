@@ -10,6 +10,7 @@ mod crossing;
 mod flow;
 mod labels;
 mod lattice;
+mod places;
 #[cfg(test)]
 mod tests;
 mod trace;

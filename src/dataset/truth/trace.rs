@@ -5,6 +5,7 @@ use std::array::from_fn;
 use glam::{DVec3, Vec3};
 
 use super::band::{Band, Eyes, Square};
+use super::places::nth;
 use super::{Crossing, Subject};
 use crate::render::leap::{Bundles, Facing};
 use crate::render::{Sixteen, View};
@@ -96,9 +97,9 @@ impl Band<'_> {
         square.store(self.shading, &told.shading);
         for (k, n) in square.pixels() {
             self.crossings[n] = told.is_met[k].then(|| {
-                let place = DVec3::from_array(told.place.map(|p| p[k]));
+                let place = DVec3::from_array(nth(&told.place, k));
                 let tissue = subject.tissue.map_or(place, |of| of(place)).as_vec3();
-                Crossing { mm: met.mm[k], place, tissue, smooth: Vec3::from_array(met.facing.smooth.map(|c| c[k])) }
+                Crossing { mm: met.mm[k], place, tissue, smooth: Vec3::from_array(nth(&met.facing.smooth, k)) }
             });
         }
     }
@@ -142,7 +143,7 @@ impl Told {
             depth: [f32::INFINITY; 16],
             z: [f32::INFINITY; 16],
             shading: [0.0; 16],
-            normals: from_fn(|k| normal.map(|n| n[k])),
+            normals: from_fn(|k| nth(normal, k)),
         };
         for k in 0..16 {
             let along = |a: usize| from[a][k] + directions[a][k] * mm[k];
