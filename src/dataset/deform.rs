@@ -5,6 +5,7 @@
 //! y + b(y, t) = x, by fixed-point iteration y ← x − b(y, t). It converges, since b changes by less than its argument: Lipschitz constant
 //! below 0.7 for the largest deformation allowed, so no fold and no tear.
 
+use std::array::from_fn;
 use std::f64::consts::TAU;
 
 use glam::DVec3;
@@ -50,15 +51,17 @@ impl Deformation {
 
     /// Returns the displacement b, mm, at a place of the world (mm) and a time, s.
     fn back(&self, y: DVec3, seconds: f64) -> DVec3 {
-        let breath = (TAU * seconds / BREATH_S).sin();
-        let k = TAU / BREATH_MM;
-        let breathing =
-            DVec3::new(0.2 * (k * y.x).sin(), 0.5 * (k * y.y + 0.7).cos(), 0.6 + 0.4 * (k * y.z + 1.9).cos());
-        let (w, phase) = (TAU / WAVE_MM, TAU * seconds / WAVE_S);
-        // What has passed since the beginning, when nothing is displaced.
-        let wave = |at: f64| (at - phase).sin() - at.sin();
-        let waves = DVec3::new(wave(w * y.y + 0.3), wave(w * y.z + 2.1), wave(w * y.x + 4.4));
-        (breathing * breath + waves * (0.5 * WAVE)) * self.mm
+        self.displaced(arguments(y).map(f64::sin_cos), &Moment::at(seconds))
+    }
+
+    /// Returns the displacement, mm, where the sums' arguments have these sines and cosines.
+    #[inline(always)]
+    fn displaced(&self, [x, y, z, u, v, w]: [(f64, f64); 6], now: &Moment) -> DVec3 {
+        let breathing = DVec3::new(0.2 * x.0, 0.5 * y.1, 0.6 + 0.4 * z.1);
+        // What has passed since the beginning, when nothing is displaced: sin(s − phase) − sin(s).
+        let wave = |(sin, cos): (f64, f64)| sin * now.turned - cos * now.aside;
+        let waves = DVec3::new(wave(u), wave(v), wave(w));
+        (breathing * now.breath + waves * (0.5 * WAVE)) * self.mm
     }
 
     /// Returns the scan's place of what is at a place of the world at a time, s; both mm.
@@ -68,16 +71,33 @@ impl Deformation {
 
     /// Returns where the tissue at a place of the scan is at a time, s; both mm.
     pub fn place(&self, tissue: DVec3, seconds: f64) -> DVec3 {
+        self.place_about(tissue, seconds, SETTLED_MM)
+    }
+
+    /// Does the same until it changes by at most `settled` mm. It is then wrong by less than 3 times as much.
+    pub fn place_about(&self, tissue: DVec3, seconds: f64, settled: f64) -> DVec3 {
         let mut place = tissue;
         for _ in 0..STEPS {
             let next = tissue - self.back(place, seconds);
             let moved = next.distance(place);
             place = next;
-            if moved.is_nan() || moved <= SETTLED_MM {
+            if moved.is_nan() || moved <= settled {
                 break;
             }
         }
         place
+    }
+
+    /// Tells where tissue goes, as text.
+    pub fn told(&self) -> String {
+        format!(
+            "The tissue that the scan has at x = (x1, x2, x3), mm, is at the time t, s, at the only y with x = y + {mm} · (sin(2πt/{BREATH_S}) · \
+             a(y) + w(y, t)/{wave}), which y ← x − … finds from y = x; a = (0.2 sin(k y1), 0.5 cos(k y2 + 0.7), 0.6 + 0.4 cos(k y3 + \
+             1.9)) with k = 2π/{BREATH_MM}, and w = (v(q y2 + 0.3), v(q y3 + 2.1), v(q y1 + 4.4)) with q = 2π/{WAVE_MM} and v(s) = sin(s − \
+             2πt/{WAVE_S}) − sin(s)",
+            mm = self.mm,
+            wave = 2.0 / WAVE,
+        )
     }
 
     /// Returns the deformed scan at a time, s.
@@ -85,17 +105,28 @@ impl Deformation {
     /// # Errors
     /// Returns status 4 if interrupted.
     pub fn volume(&self, scan: &PreparedVolume, seconds: f64, progress: &Progress) -> Result<PreparedVolume> {
-        let (voxels, grid) = (scan.voxels(), scan.voxels().grid());
-        let [nx, ny, _] = grid.dims();
+        let (voxels, grid, now) = (scan.voxels(), scan.voxels().grid(), Moment::at(seconds));
+        let [nx, ny, nz] = grid.dims();
+        // Along a row the arguments grow evenly, so their sines follow from those where it begins, and of what they have grown by.
+        let place = |i: usize, j: usize, k: usize| grid.world(DVec3::new(i as f64, j as f64, k as f64));
+        let (begin, next) = (arguments(place(0, 0, 0)), arguments(grid.world(DVec3::X)));
+        let grown = (0..nx).map(|i| from_fn(|a| ((next[a] - begin[a]) * i as f64).sin_cos()));
+        let grown: Vec<[(f64, f64); 6]> = grown.collect();
+        // Beyond the scan's faces it goes on as at them: air there would be a wall of gas.
+        let last = DVec3::from_array([nx, ny, nz].map(|n| n as f64 - 1.0));
         let mut data = vec![0i16; grid.len()];
         data.par_chunks_mut(nx * ny).enumerate().try_for_each(|(k, slice)| {
             progress.check()?;
-            for (n, out) in slice.iter_mut().enumerate() {
-                let place = grid.world(DVec3::new((n % nx) as f64, (n / nx) as f64, k as f64));
-                // Beyond the scan's faces it goes on as at them: air there would be a wall of gas.
-                let last = DVec3::from_array(grid.dims().map(|n| n as f64 - 1.0));
-                let at = grid.voxel(self.tissue(place, seconds)).clamp(DVec3::ZERO, last);
-                *out = trilinear(voxels, at).round() as i16;
+            for (j, row) in slice.chunks_exact_mut(nx).enumerate() {
+                let first = arguments(place(0, j, k)).map(f64::sin_cos);
+                for (i, (out, grown)) in row.iter_mut().zip(&grown).enumerate() {
+                    let turned = from_fn(|a| {
+                        let ((s, c), (sin, cos)) = (first[a], grown[a]);
+                        (s * cos + c * sin, c * cos - s * sin)
+                    });
+                    let tissue = place(i, j, k) + self.displaced(turned, &now);
+                    *out = trilinear(voxels, grid.voxel(tissue).clamp(DVec3::ZERO, last)).round() as i16;
+                }
             }
             Ok(())
         })?;
@@ -103,9 +134,51 @@ impl Deformation {
     }
 }
 
+/// What the sums need of a time: the breath, and cos(phase) − 1 and sin(phase) of the waves.
+struct Moment {
+    breath: f64,
+    turned: f64,
+    aside: f64,
+}
+
+impl Moment {
+    fn at(seconds: f64) -> Self {
+        let (aside, cos) = (TAU * seconds / WAVE_S).sin_cos();
+        Self { breath: (TAU * seconds / BREATH_S).sin(), turned: cos - 1.0, aside }
+    }
+}
+
+/// Returns the arguments of the sines at a place of the world, mm: three of breathing and three of waves.
+#[inline(always)]
+fn arguments(y: DVec3) -> [f64; 6] {
+    let (k, q) = (TAU / BREATH_MM, TAU / WAVE_MM);
+    [k * y.x, k * y.y + 0.7, k * y.z + 1.9, q * y.y + 0.3, q * y.z + 2.1, q * y.x + 4.4]
+}
+
 #[cfg(test)]
 mod tests {
+    use glam::DMat3;
+
     use super::*;
+    use crate::space::TransferFunction;
+    use crate::volume::Grid;
+
+    #[test]
+    fn a_deformed_scan_is_the_scan_at_its_tissue() {
+        let turn = DMat3::from_rotation_y(0.3) * DMat3::from_rotation_z(0.7);
+        let grid = Grid::new([300, 9, 8], DVec3::new(0.7, 0.8, 2.5), DVec3::new(-90.0, 40.0, 7.0), turn).unwrap();
+        let data = (0..grid.len()).map(|n| (n as i64 * 7919 % 3000 - 1000) as i16).collect();
+        let scan = PreparedVolume::new(Volume::new(grid.clone(), data).into(), TransferFunction::default());
+        let deformation = Deformation::new(3.0).unwrap();
+        let then = deformation.volume(&scan, 1.7, &Progress::new()).unwrap();
+        let last = DVec3::new(299.0, 8.0, 7.0);
+        for (n, value) in then.voxels().data().iter().enumerate() {
+            let at = grid.world(DVec3::new((n % 300) as f64, (n / 300 % 9) as f64, (n / 2700) as f64));
+            let at = grid.voxel(deformation.tissue(at, 1.7)).clamp(DVec3::ZERO, last);
+            assert!((f64::from(*value) - trilinear(scan.voxels(), at)).abs() < 0.5 + 1e-6, "{n}");
+        }
+        assert!(then.voxels().data() != scan.voxels().data());
+    }
 
     #[test]
     fn tissue_goes_and_comes_back_and_never_folds() {

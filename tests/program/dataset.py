@@ -104,7 +104,41 @@ def load(kind, n):
     return np.load(folder / "truth" / kind / f"{n:06}.npy")
 
 
+def wall():
+    """Reads the corners of the wall's faces, and the first frame that sees each."""
+    data = (folder / "wall.ply").read_bytes()
+    end = data.index(b"end_header\n") + 11
+    counts, kinds, now = {}, {}, None
+    for word in (line.split() for line in data[:end].decode().splitlines()):
+        if word[0] == "element":
+            now, counts[word[1]] = word[1], int(word[2])
+        elif word[0] == "property" and word[1] != "list":
+            kinds.setdefault(now, []).append((word[2], {"float": "<f4", "double": "<f8", "ushort": "<u2", "uchar": "u1"}[word[1]]))
+    points = np.frombuffer(data, kinds["vertex"], counts["vertex"], end)
+    face = [("count", "u1"), ("corners", "<i4", 3)] + kinds["face"]
+    faces = np.frombuffer(data, face, counts["face"], end + points.nbytes)
+    judge("faces with other corners than three", (faces["count"] == 3).all())
+    points = np.stack([points[axis].astype(float) for axis in "xyz"], -1)
+    return points[faces["corners"]], faces["first_frame"]
+
+
+def gone(x, mm, t):
+    """Where tissue goes: the README's words."""
+    wave = lambda s: np.sin(s - 2 * np.pi * t / 10) - np.sin(s)
+    y = x
+    for _ in range(200):
+        y1, y2, y3 = np.moveaxis(y, -1, 0)
+        k, q = 2 * np.pi / 240, 2 * np.pi / 60
+        a = np.stack([0.2 * np.sin(k * y1), 0.5 * np.cos(k * y2 + 0.7), 0.6 + 0.4 * np.cos(k * y3 + 1.9)], -1)
+        w = np.stack([wave(q * y2 + 0.3), wave(q * y3 + 2.1), wave(q * y1 + 4.4)], -1)
+        y = x - mm * (np.sin(2 * np.pi * t / 4) * a + w / 6)
+    return y
+
+
 directions = rays()
+settings = json.loads((folder / "dataset.json").read_text())
+seconds = [float(row["seconds"]) for row in csv.DictReader((folder / "poses.csv").open())]
+faces, first_frames = wall()
 errors, steps, seen_wrong, hidden_wrong, seen_all, hidden_all = [], [], 0, 0, 0, 0
 for n, (eye, turn) in enumerate(poses):
     picture = np.asarray(Image.open(folder / "rgb" / f"{n:06}.png"))
@@ -177,6 +211,18 @@ for n, (eye, turn) in enumerate(poses):
         albedo = np.asarray(Image.open(folder / "albedo" / f"{n:06}.png")).astype(float) / 255
         fallen = (linear - light["gloss"][..., None])[hit] / albedo[hit]
         judge(f"{n}: colours are lit differently", (np.ptp(fallen, axis=-1) <= 0.06 * fallen.max(-1) + 1e-7).mean() > 0.99)
+    # The faces that this frame is the first to see are where its pixels see them.
+    corners = faces[first_frames == n][:2000]
+    if settings.get("deformation"):
+        corners = gone(corners, settings["deformation"]["mm"], seconds[n])
+    local = (corners.mean(1) - eye) @ turn
+    at = np.round(project(local[None])[0]).astype(int)
+    at = np.clip(at, 0, [width - 1, height - 1])
+    far = np.linalg.norm(local, axis=-1)
+    # Pixels are as wide as they are far away.
+    off = np.abs(far - depth[at[:, 1], at[:, 0]]) / (0.3 + 2 * far / max(width, height))
+    if len(off) > 50:
+        judge(f"{n}: faces {np.median(off):.2f} pixels off those that see them", np.median(off) < 1)
     labels = np.asarray(Image.open(folder / "truth/labels" / f"{n:06}.png"))
     judge(f"{n}: labels", ((labels > 0) == hit).mean() > 0.999)
     along = load("along", n)

@@ -34,6 +34,7 @@ use crate::space::PreparedVolume;
 use crate::surface::LumenMesh;
 use moments::Moments;
 use shots::{Taken, is_there, kept};
+use wall::Seen;
 
 /// Threads that write files.
 const WRITERS: usize = 2;
@@ -103,12 +104,20 @@ pub fn write(source: &Source<'_>, layout: &dyn Layout, folder: &Path, progress: 
     let (send, receive) = sync_channel::<Taken>(WRITERS);
     let (give_back, used) = channel();
     let receive = Mutex::new(receive);
+    let mut seen = source.wall.as_ref().map(|mesh| Seen::new(source, mesh));
     let shot = std::thread::scope(|scope| {
         for _ in 0..WRITERS {
             let give_back = give_back.clone();
             scope.spawn(|| save((&receive, give_back), part.path(), layout, &files));
         }
-        let taken = take_all((source, &rays), layout, part.path(), &files, (&send, &used), &mut written, progress);
+        let taken = take_all(
+            (source, &rays),
+            (layout, part.path()),
+            &files,
+            (&send, &used),
+            (&mut written, &mut seen),
+            progress,
+        );
         // The threads end when there is no sender left.
         drop(send);
         taken
@@ -127,9 +136,11 @@ pub fn write(source: &Source<'_>, layout: &dyn Layout, folder: &Path, progress: 
         frames: &frames,
         points: &points,
     };
-    // Of a deformed wall there is no one mesh.
-    if let Some(mesh) = source.wall.as_ref().filter(|_| source.deformation.is_none()) {
-        wall::write((source, &rays), mesh, part.path(), progress)?;
+    if let Some(mut seen) = seen {
+        if source.deformation.is_none() {
+            seen.look_at_all(&rays, progress)?;
+        }
+        seen.write(part.path(), progress)?;
     }
     part.finish(source, layout, &index, progress)?;
     written.whole = begun.elapsed();
@@ -154,11 +165,10 @@ impl Source<'_> {
 /// Measures the frames that are not there, in order, and hands them to those who write.
 fn take_all(
     (source, rays): (&Source<'_>, &Crossings),
-    layout: &dyn Layout,
-    folder: &Path,
+    (layout, folder): (&dyn Layout, &Path),
     files: &Mutex<Result<Duration>>,
     (send, used): (&SyncSender<Taken>, &Receiver<Truth>),
-    written: &mut Written,
+    (written, seen): (&mut Written, &mut Option<Seen<'_>>),
     progress: &Progress,
 ) -> Result<()> {
     let painter = Painter::new(&source.look, source.seed);
@@ -169,6 +179,10 @@ fn take_all(
             return Ok(());
         }
         let (view, seconds) = (source.views)(n)?;
+        // What is deformed is only now as this frame sees it. Otherwise all frames are looked at together.
+        if let Some(seen) = seen.as_mut().filter(|seen| source.deformation.is_some() && seen.wants(n)) {
+            seen.look_at(n, &moments.at(seconds, progress)?.rays, progress)?;
+        }
         if !is_there(folder, layout, source, (n, seconds)) {
             let near = |n: usize| (source.views)(n);
             let around =

@@ -31,10 +31,11 @@ pub(super) fn text(source: &Source<'_>, layout: &dyn Layout, index: &Index<'_>) 
     for kind in index.kinds {
         text += of_kind(*kind);
     }
-    if source.deformation.is_some() {
+    if let Some(deformation) = source.deformation {
         text += "- `truth/scene-flow/N.npy`: float32 H×W×3, by how much the tissue of the pixel's point has moved by frame N+1, world, mm: the \
                  colon breathes and waves pass along it, slowly, and the camera moves with the tissue around it. Flow counts it in. Labels and \
                  places are those of the tissue. At the first frame nothing has moved.\n";
+        text += &format!("- `wall.ply` is the wall of the scan as it was taken. {}.\n", deformation.told());
     }
     text += "- `exposure.csv`: what the linear light of each frame is multiplied with (below).\n";
     if source.look.linear {
