@@ -1,8 +1,10 @@
 //! Bilinear stretching of a picture to a larger one.
 
+use fearless_simd::{Level, Simd, i32x16, prelude::*};
 use rayon::prelude::*;
 
 use super::frame::Frame;
+use super::packets::lanes::{Padded, SPARE};
 
 /// Rows of a task.
 const ROWS: usize = 32;
@@ -26,90 +28,77 @@ fn between(n: usize, m: usize) -> impl Fn(usize) -> Between {
     }
 }
 
-/// A pixel of the smaller picture, with sixteen bits per colour so that one multiplication mixes all three.
+/// Returns pixels interpolated between two, red in the lowest byte; `share` is the weight of the second, out of 256.
 ///
-/// It holds 256 times the pixel plus a half for rounding, and the difference to the next pixel. No colour's sum
-/// overflows its sixteen bits.
-#[derive(Clone, Copy, Debug)]
-struct Spread {
-    start: u64,
-    slope: u64,
-}
-
-impl Spread {
-    fn new(pixel: [u8; 3], next: [u8; 3]) -> Self {
-        let spread = |[r, g, b]: [u8; 3]| u64::from(r) | u64::from(g) << 16 | u64::from(b) << 32;
-        Self { start: spread(pixel) * 256 + 0x0080_0080_0080, slope: spread(next).wrapping_sub(spread(pixel)) }
-    }
-
-    /// Returns the pixel interpolated towards the next: red, green and blue in the lower three bytes.
-    #[inline(always)]
-    fn at(self, share: u16) -> u32 {
-        let mixed = self.start.wrapping_add(self.slope.wrapping_mul(u64::from(share)));
-        ((mixed >> 8) & 0xff | (mixed >> 16) & 0xff00 | (mixed >> 24) & 0x00ff_0000) as u32
-    }
-}
-
-/// Interpolates between two values; `share` is the weight of the second, out of 256.
+/// Red and blue share a number, in which no sum overflows its sixteen bits.
 #[inline(always)]
-fn mix(a: u8, b: u8, share: u16) -> u8 {
-    ((u16::from(a) * (256 - share) + u16::from(b) * share + 128) >> 8) as u8
+fn mix<S: Simd>(a: i32x16<S>, b: i32x16<S>, share: i32x16<S>) -> i32x16<S> {
+    let part = |a: i32x16<S>, b: i32x16<S>, half: i32, mask: i32| {
+        let (a, b) = (a & mask, b & mask);
+        (((a << 8) + (b - a) * share + half) >> 8) & mask
+    };
+    part(a, b, 0x0080_0080, 0x00ff_00ff) | (part(a >> 8, b >> 8, 0x80, 0xff) << 8)
+}
+
+/// Pixels that are stretched at once.
+const LANES: usize = 16;
+
+/// Columns of the larger picture, sixteen at a time; those beyond its edge are as the last one.
+#[derive(Clone, Debug, Default)]
+struct Columns {
+    /// The first byte of the left neighbour in a row.
+    bytes: Vec<i32>,
+    shares: Vec<i32>,
 }
 
 /// Stretches pictures and keeps its working memory from one to the next.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Enlarger {
-    columns: Vec<Between>,
+    columns: Columns,
     bands: Vec<Band>,
 }
 
 /// Working memory for a band of the larger picture's rows.
 #[derive(Clone, Debug, Default)]
 struct Band {
-    /// A row of the smaller picture.
-    row: Vec<Spread>,
-    /// The two stretched rows of the smaller picture that surround a row of the larger one.
-    wide: [Vec<[u8; 3]>; 2],
+    /// A row of the smaller picture, and as many bytes more as are read together.
+    row: Vec<u8>,
+    /// The two stretched rows of the smaller picture that surround a row of the larger one: red in the lowest byte.
+    wide: [Vec<i32>; 2],
 }
 
 impl Band {
     /// Stretches a row of the smaller picture horizontally into one of the two.
-    fn widen(&mut self, n: usize, row: &[[u8; 3]], columns: &[Between]) {
+    #[inline(always)]
+    fn widen<S: Simd>(&mut self, simd: S, n: usize, row: &[[u8; 3]], columns: &Columns) {
         self.row.clear();
-        self.row.extend(row.array_windows().map(|&[p, next]| Spread::new(p, next)));
-        self.row.extend(row.last().map(|&p| Spread::new(p, p)));
+        self.row.extend_from_slice(row.as_flattened());
+        self.row.extend_from_slice(&[0; SPARE]);
         let wide = &mut self.wide[n];
-        wide.resize(columns.len(), [0; 3]);
-        let pixel = |x: &Between| self.row[x.low as usize].at(x.share);
-        let (four, rest) = columns.as_chunks::<4>();
-        let (wide_four, wide_rest) = wide.as_chunks_mut::<4>();
-        for (out, four) in wide_four.iter_mut().zip(four) {
-            // Four pixels fit in three words.
-            let [a, b, c, d] = four.each_ref().map(pixel);
-            let words = [a | b << 24, b >> 8 | c << 16, c >> 16 | d << 8];
-            for (out, word) in out.as_flattened_mut().chunks_exact_mut(4).zip(words) {
-                out.copy_from_slice(&word.to_le_bytes());
-            }
-        }
-        for (out, x) in wide_rest.iter_mut().zip(rest) {
-            let [r, g, b, _] = pixel(x).to_le_bytes();
-            *out = [r, g, b];
+        wide.resize(columns.bytes.len(), 0);
+        let Some(row) = Padded::new(&self.row) else { return };
+        let columns = columns.bytes.as_chunks::<LANES>().0.iter().zip(columns.shares.as_chunks::<LANES>().0);
+        for (out, (bytes, shares)) in wide.as_chunks_mut::<LANES>().0.iter_mut().zip(columns) {
+            let at = i32x16::load_array_ref(simd, bytes);
+            let (pixel, next) = (row.four(simd, at), row.four(simd, at + 3));
+            *out = mix(pixel, next, i32x16::load_array_ref(simd, shares)).to_array();
         }
     }
 
     /// Fills rows `first..` of the larger picture.
-    fn fill(
+    #[inline(always)]
+    fn fill<S: Simd>(
         &mut self,
-        first: usize,
-        rows: &mut [[u8; 3]],
-        columns: &[Between],
+        simd: S,
+        (first, rows): (usize, &mut [[u8; 3]]),
+        (width, columns): (usize, &Columns),
         small: &Frame,
         row_of: impl Fn(usize) -> Between,
     ) {
         let row = |y: u32| &small.pixels()[y as usize * small.width()..][..small.width()];
         let last = small.height() as u32 - 1;
         let mut held = [u32::MAX; 2];
-        for (n, out) in rows.chunks_exact_mut(columns.len()).enumerate() {
+        for (n, out) in rows.chunks_exact_mut(width).enumerate() {
             let y = row_of(first + n);
             // The lower row becomes the upper one, now or soon.
             if held[1] == y.low {
@@ -119,24 +108,45 @@ impl Band {
             for (n, y) in [y.low, (y.low + 1).min(last)].into_iter().enumerate() {
                 if held[n] != y {
                     held[n] = y;
-                    self.widen(n, row(y), columns);
+                    self.widen(simd, n, row(y), columns);
                 }
             }
-            let [above, below] = &self.wide;
-            let pairs = above.as_flattened().iter().zip(below.as_flattened());
-            for (o, (&a, &b)) in out.as_flattened_mut().iter_mut().zip(pairs) {
-                *o = mix(a, b, y.share);
+            let share = i32x16::splat(simd, y.share.into());
+            let [above, below] = self.wide.each_ref().map(|row| row.as_chunks::<LANES>().0);
+            for ((out, above), below) in out.chunks_mut(LANES).zip(above).zip(below) {
+                let [above, below] = [above, below].map(|row| i32x16::load_array_ref(simd, row));
+                pack(&mix(above, below, share).to_array(), out);
             }
         }
+    }
+}
+
+/// Writes at most sixteen pixels. Four fit in three words.
+#[inline(always)]
+fn pack(pixels: &[i32; LANES], out: &mut [[u8; 3]]) {
+    let bytes = |pixel: i32| {
+        let [r, g, b, _] = pixel.to_le_bytes();
+        [r, g, b]
+    };
+    let Some(out) = out.first_chunk_mut::<LANES>() else {
+        out.iter_mut().zip(pixels).for_each(|(out, pixel)| *out = bytes(*pixel));
+        return;
+    };
+    let words = pixels.as_chunks::<4>().0.iter().flat_map(|&[a, b, c, d]| {
+        let [a, b, c, d] = [a, b, c, d].map(i32::cast_unsigned);
+        [a | b << 24, b >> 8 | c << 16, c >> 16 | d << 8]
+    });
+    for (out, word) in out.as_flattened_mut().as_chunks_mut::<4>().0.iter_mut().zip(words) {
+        *out = word.to_le_bytes();
     }
 }
 
 impl Enlarger {
     /// Returns the memory in use, bytes.
     pub(crate) fn bytes(&self) -> usize {
-        let band =
-            |b: &Band| size_of_val(b.row.as_slice()) + b.wide.iter().map(|w| size_of_val(w.as_slice())).sum::<usize>();
-        size_of_val(self.columns.as_slice()) + self.bands.iter().map(band).sum::<usize>()
+        let words = |words: &[&Vec<i32>]| words.iter().map(|w| size_of_val(w.as_slice())).sum::<usize>();
+        let band = |b: &Band| b.row.len() + words(&[&b.wide[0], &b.wide[1]]);
+        words(&[&self.columns.bytes, &self.columns.shares]) + self.bands.iter().map(band).sum::<usize>()
     }
 
     /// Fills `out` at its current size with `small` stretched to fit, leaving its depth alone. A picture without pixels
@@ -150,12 +160,21 @@ impl Enlarger {
             return;
         }
         let row_of = between(height, h);
-        self.columns.clear();
-        self.columns.extend((0..width).map(between(width, w)));
+        let columns = &mut self.columns;
+        columns.bytes.clear();
+        columns.shares.clear();
+        for Between { low, share } in
+            (0..width.next_multiple_of(LANES)).map(|x| x.min(width - 1)).map(between(width, w))
+        {
+            columns.bytes.push(3 * low as i32);
+            columns.shares.push(share.into());
+        }
         self.bands.resize(height.div_ceil(ROWS), Band::default());
-        let columns = &self.columns;
+        let (columns, level) = ((width, &self.columns), Level::new());
         let tasks = out.buffers().0.par_chunks_mut(ROWS * width).zip(&mut self.bands);
-        tasks.enumerate().for_each(|(n, (rows, band))| band.fill(n * ROWS, rows, columns, small, &row_of));
+        tasks.enumerate().for_each(|(n, (rows, band))| {
+            fearless_simd::dispatch!(level, simd => band.fill(simd, (n * ROWS, rows), columns, small, &row_of));
+        });
     }
 }
 

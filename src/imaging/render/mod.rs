@@ -62,6 +62,8 @@ pub mod slice;
 pub(crate) mod transfer;
 pub mod translucency;
 pub mod wall_paint;
+#[doc(hidden)]
+pub mod words;
 
 #[cfg(test)]
 mod extremes_tests;

@@ -215,9 +215,15 @@ impl<'a> Padded<'a> {
     /// Returns the bytes at the places `at`, or the nearest ones.
     #[inline(always)]
     pub(crate) fn at<S: Simd>(&self, simd: S, at: i32x16<S>) -> i32x16<S> {
+        self.four(simd, at) & 255
+    }
+
+    /// Returns the four bytes from each of the places `at` on, or from the nearest ones; the first is the lowest.
+    #[inline(always)]
+    pub(crate) fn four<S: Simd>(&self, simd: S, at: i32x16<S>) -> i32x16<S> {
         let at = at.max(0).min((self.0.len() - 1 - SPARE) as i32);
         // SAFETY: `new` ensured that the data are longer than what is spare, and four bytes at each index are within them.
-        unsafe { gather::<S, 1>(simd, self.0.as_ptr().cast(), at) & 255 }
+        unsafe { gather::<S, 1>(simd, self.0.as_ptr().cast(), at) }
     }
 }
 
