@@ -18,11 +18,12 @@ use crate::fields::frames::{Frame, STEP_MM, evenly, frames};
 use crate::render::Sixteen;
 use crate::volume::Grid;
 
-/// The nearest point of the line is looked for within this of the one that the colon's map names, mm along.
-const WINDOW_MM: f64 = 12.0;
-/// Frames that are looked at together: at least those within that distance.
-const FRAMES: usize = 16;
-const _: () = assert!(2.0 * WINDOW_MM / STEP_MM + 1.0 <= FRAMES as f64);
+/// The nearest point of the line is looked for within this of where the way through the lumen leads, mm along: in a bend, the inner wall's
+/// is far from there.
+const WINDOW_MM: f64 = 29.0;
+/// Frames that are looked at together: at least those among which the nearest point of the line is.
+const FRAMES: usize = 32;
+const _: () = assert!(2.0 * (WINDOW_MM + NEAR_STEP_MM) / STEP_MM + 2.0 <= FRAMES as f64);
 /// Steps in which that is remembered, mm.
 const NEAR_STEP_MM: f64 = 0.5;
 
@@ -134,22 +135,22 @@ impl Rings {
     #[inline(always)]
     fn nearest(&self, place: DVec3, voxel: [f64; 3]) -> Option<usize> {
         let mut steps =
-            |place| self.along.of(place).map_or(0, |at| (at.mm / NEAR_STEP_MM).clamp(0.0, 65_000.0) as u16 + 1);
+            |place| self.along.about(place).map_or(0, |mm| (mm / NEAR_STEP_MM).clamp(0.0, 65_000.0) as u16 + 1);
         let about = f64::from(self.known.label(place, voxel, &mut steps).checked_sub(1)?) * NEAR_STEP_MM;
         // The frames are evenly spaced.
         let frame = |mm: f64| mm.max(0.0) / STEP_MM;
         let last = (frame(about + WINDOW_MM) as usize + 1).clamp(2, self.frames.len());
         let first = (frame(about - WINDOW_MM).ceil() as usize).min(last - 2);
-        // Squares that are not negative are in the order of their bits. The last four give way to the number.
+        // Squares that are not negative are in the order of their bits. The last five give way to the number.
         let [x, y, z] = place.as_vec3().to_array();
         let [xs, ys, zs] = [0, 1, 2].map(|axis| &self.at[axis][first..first + FRAMES]);
         let mut least = u32::MAX;
         for k in 0..FRAMES {
             let (x, y, z) = (xs[k] - x, ys[k] - y, zs[k] - z);
-            let square = ((x * x + y * y + z * z).to_bits() & !15) | k as u32;
+            let square = ((x * x + y * y + z * z).to_bits() & !31) | k as u32;
             least = least.min(if k < last - first { square } else { u32::MAX });
         }
-        let nearest = first + (least & 15) as usize;
+        let nearest = first + (least & 31) as usize;
         // Of the two steps that meet there, the one to whose side of the bend the place lies is nearer, or both are as near.
         let is_before = (place - self.frames[nearest].at).dot(self.bends[nearest]) < 0.0;
         Some(nearest.saturating_sub(usize::from(is_before)).min(self.steps.len() - 1))

@@ -84,6 +84,13 @@ impl Along {
         Some(AlongColon { segment: segment[n] as usize, mm: mm[n], part, is_guessed: own.is_guessed(mm[n]) })
     }
 
+    /// Returns where the lumen nearest to a place (world, mm) belongs along the colon, by the shortest way through the lumen, mm: about, since
+    /// the lumen is divided into cells, and in a bend the nearest point of the line may be farther on. `None` as for [`Along::of`].
+    pub fn about(&self, world: DVec3) -> Option<f64> {
+        let (line, point) = self.nearest.as_ref()?.of(world, NEAR_MM)?;
+        self.lines.get(line as usize)?.mm.get(point as usize).copied()
+    }
+
     /// Returns the point of the line (world, mm) at a distance along it, mm, and the direction towards the cecum there, of unit length;
     /// `None` if no one line leads from the rectum to the cecum.
     pub fn point(&self, mm: f64) -> Option<(DVec3, DVec3)> {
