@@ -87,7 +87,7 @@ impl Albedo {
         let [blood, fine] = self.near(place, normal);
         for k in 0..LANES {
             let fine = 2.0 * fine[k] - 1.0;
-            let redness = (red * (0.25 + coarse[1][k] + 0.5 * fine)).clamp(0.0, 1.0);
+            let redness = red * (0.25 + coarse[1][k] + 0.5 * fine).clamp(0.0, 1.0);
             let brightness = 1.0 + light * (coarse[0][k] + 0.5 * fine);
             // Vessels come and go: they lie at different depths.
             let shown = dark * (0.8 + 0.7 * coarse[2][k]).clamp(0.2, 1.0) * blood[k];

@@ -88,8 +88,8 @@ impl Rings {
     }
 
     /// Returns the distances along the line, mm, those from the line, mm, and the angles about it, radians from −π to π, of sixteen points
-    /// (world, mm), each of which belongs to the lumen at a place in voxels; NaN for those that are not finite, or farther than 12 mm from the lumen. Angle 0 is towards the patient's front where
-    /// the line begins.
+    /// (world, mm), each of which belongs to the lumen at a place in voxels; NaN for those that are not finite, or farther than 12 mm from
+    /// the lumen. Angle 0 is towards the patient's front where the line begins.
     pub(super) fn sixteen(&self, places: &Sixteen, voxels: &Sixteen) -> Sixteen {
         fearless_simd::dispatch!(self.level, _simd => self.measure(places, voxels))
     }

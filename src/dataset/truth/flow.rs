@@ -5,8 +5,8 @@ use std::array::from_fn;
 use fearless_simd::Level;
 use glam::DVec3;
 
+use super::Subject;
 use super::band::{Band, Eyes};
-use super::{Crossing, Subject};
 use crate::render::leap::{Crossings, RaysFrom};
 use crate::render::{Sixteen, View};
 
@@ -48,8 +48,10 @@ impl Band<'_> {
         }
         let moved = subject.neighbours[1].and_then(|n| n.moved);
         for (scene, found) in self.scene.iter_mut().zip(self.crossings.iter()) {
-            let by = |(c, moved): (Crossing, &dyn Fn(DVec3) -> DVec3)| (moved(c.place) - c.place).as_vec3().to_array();
-            *scene = found.zip(moved).map_or([f32::NAN; 3], |(c, moved)| by((c, moved)));
+            *scene = match (found, moved) {
+                (Some(c), Some(moved)) => (moved(c.place) - c.place).as_vec3().to_array(),
+                _ => [f32::NAN; 3],
+            };
         }
     }
 
