@@ -1,6 +1,8 @@
 //! Archives of others on this machine, started and stopped by a test: Orthanc, and those of DCMTK.
 
-use std::net::{TcpListener, TcpStream};
+use std::fs::File;
+use std::io::{Read, Seek};
+use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -16,6 +18,8 @@ const FOLDERS: [&str; 1] = ["/usr/sbin"];
 pub(crate) struct Running {
     pub(crate) port: u16,
     child: Child,
+    /// What it says, for a test that fails.
+    log: File,
 }
 
 impl Running {
@@ -29,6 +33,10 @@ impl Running {
 impl Drop for Running {
     fn drop(&mut self) {
         self.kill();
+        let mut said = String::new();
+        if std::thread::panicking() && self.log.rewind().and_then(|()| self.log.read_to_string(&mut said)).is_ok() {
+            eprintln!("the archive at port {} said:\n{said}", self.port);
+        }
     }
 }
 
@@ -44,7 +52,21 @@ pub(crate) fn program(name: &str) -> Option<PathBuf> {
     found
 }
 
-/// Starts a program on a free port, and waits until it listens.
+/// Returns if a process listens at a port of this machine.
+fn listens(process: u32, port: u16) -> bool {
+    let Ok(sockets) = std::fs::read_to_string("/proc/net/tcp") else { return false };
+    let local = format!(":{port:04X}");
+    // Its local address, its state (0A listens), its inode.
+    let inode = sockets.lines().find_map(|line| {
+        let fields: Vec<&str> = line.split_whitespace().collect();
+        (fields.get(1)?.ends_with(&local) && *fields.get(3)? == "0A").then(|| format!("socket:[{}]", fields[9]))
+    });
+    let files = std::fs::read_dir(format!("/proc/{process}/fd"));
+    let mut files = files.into_iter().flatten().filter_map(|f| std::fs::read_link(f.ok()?.path()).ok());
+    inode.is_some_and(|inode| files.any(|f| f.as_os_str() == inode.as_str()))
+}
+
+/// Starts a program on a free port, and waits until it listens there. Nothing connects to it before the test does.
 fn started(mut command: impl FnMut(u16) -> Command) -> Running {
     // Another program may take the port in between.
     for _ in 0..5 {
@@ -52,13 +74,13 @@ fn started(mut command: impl FnMut(u16) -> Command) -> Running {
         // DCMTK, also within Orthanc, otherwise waits 40 ms before it sends the rest of a message.
         let mut command = command(port);
         command.env("TCP_NODELAY", "1");
-        let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-        let mut running = Running { port, child };
+        let log = tempfile::tempfile().unwrap();
+        let [out, err] = [(); 2].map(|()| log.try_clone().unwrap());
+        let child = command.stdin(Stdio::null()).stdout(out).stderr(err).spawn().unwrap();
+        let mut running = Running { port, child, log };
         let start = Instant::now();
         while start.elapsed() < Duration::from_secs(20) && running.child.try_wait().unwrap().is_none() {
-            // A connection to a port that nobody listens at may be one with itself: its own port is drawn from the same range.
-            let is_other = |s: &TcpStream| s.local_addr().ok() != s.peer_addr().ok();
-            if TcpStream::connect(("127.0.0.1", port)).is_ok_and(|s| is_other(&s)) {
+            if listens(running.child.id(), port) {
                 return running;
             }
             std::thread::sleep(Duration::from_millis(10));
