@@ -33,9 +33,9 @@ impl Running {
 impl Drop for Running {
     fn drop(&mut self) {
         self.kill();
-        let mut said = String::new();
-        if std::thread::panicking() && self.log.rewind().and_then(|()| self.log.read_to_string(&mut said)).is_ok() {
-            eprintln!("the archive at port {} said:\n{said}", self.port);
+        let mut said = Vec::new();
+        if std::thread::panicking() && self.log.rewind().and_then(|()| self.log.read_to_end(&mut said)).is_ok() {
+            eprintln!("the archive at port {} said:\n{}", self.port, String::from_utf8_lossy(&said));
         }
     }
 }
@@ -54,16 +54,18 @@ pub(crate) fn program(name: &str) -> Option<PathBuf> {
 
 /// Returns if a process listens at a port of this machine.
 fn listens(process: u32, port: u16) -> bool {
-    let Ok(sockets) = std::fs::read_to_string("/proc/net/tcp") else { return false };
     let local = format!(":{port:04X}");
-    // Its local address, its state (0A listens), its inode.
-    let inode = sockets.lines().find_map(|line| {
+    let tables = ["/proc/net/tcp", "/proc/net/tcp6"].map(|table| std::fs::read_to_string(table).unwrap_or_default());
+    // The local address of a socket, its state (0A listens), its inode.
+    let sockets = tables.iter().flat_map(|table| table.lines()).filter_map(|line| {
         let fields: Vec<&str> = line.split_whitespace().collect();
-        (fields.get(1)?.ends_with(&local) && *fields.get(3)? == "0A").then(|| format!("socket:[{}]", fields[9]))
+        let is_there = fields.get(1)?.ends_with(&local) && *fields.get(3)? == "0A";
+        is_there.then_some(fields.get(9).map(|inode| format!("socket:[{inode}]"))).flatten()
     });
-    let files = std::fs::read_dir(format!("/proc/{process}/fd"));
-    let mut files = files.into_iter().flatten().filter_map(|f| std::fs::read_link(f.ok()?.path()).ok());
-    inode.is_some_and(|inode| files.any(|f| f.as_os_str() == inode.as_str()))
+    let sockets: Vec<String> = sockets.collect();
+    let files = std::fs::read_dir(format!("/proc/{process}/fd")).into_iter().flatten();
+    let mut files = files.filter_map(|file| std::fs::read_link(file.ok()?.path()).ok());
+    files.any(|file| sockets.iter().any(|socket| file.as_os_str() == socket.as_str()))
 }
 
 /// Starts a program on a free port, and waits until it listens there. Nothing connects to it before the test does.
