@@ -82,7 +82,7 @@ impl Framebuffer {
     /// Takes over a picture that is shown beside the flight's.
     pub(crate) fn show_beside(&mut self, which: Beside, picture: &Frame) {
         match self.beside.iter_mut().find(|b| b.0 == which) {
-            Some((_, kept)) => kept.clone_from(picture),
+            Some((_, kept)) => kept.show(picture),
             None => self.beside.push((which, picture.clone())),
         }
     }

@@ -156,9 +156,7 @@ pub(crate) fn compose(pictures: &[Placed<'_>], layer: &Layer, out: &mut [u32], w
 fn fill(level: Level, (first, out): (usize, &mut [u32]), pictures: &[Placed<'_>], layer: &Layer, width: usize) {
     for (n, row) in out.chunks_exact_mut(width).enumerate() {
         let y = first + n;
-        if !pictures.iter().any(|p| p.at.0 == 0 && p.row(y).is_some_and(|r| r.len() >= width)) {
-            row.fill(0);
-        }
+        fill_between(pictures, y, row);
         for picture in pictures {
             if let (Some(pixels), Some(out)) = (picture.row(y), row.get_mut(picture.at.0..)) {
                 to_words(level, pixels, out);
@@ -166,6 +164,24 @@ fn fill(level: Level, (first, out): (usize, &mut [u32]), pictures: &[Placed<'_>]
         }
         layer.cover(y, row);
     }
+}
+
+/// Fills with black what no picture covers in row `y`; where they overlap, or come in no order, also some of what one covers.
+#[inline(always)]
+fn fill_between(pictures: &[Placed<'_>], y: usize, row: &mut [u32]) {
+    let mut done = 0;
+    for picture in pictures {
+        if let Some(pixels) = picture.row(y) {
+            let begin = picture.at.0.min(row.len());
+            if let Some(gap) = row.get_mut(done..begin) {
+                gap.fill(0);
+            }
+            if begin >= done {
+                done = (begin + pixels.len()).min(row.len());
+            }
+        }
+    }
+    row[done..].fill(0);
 }
 
 #[cfg(test)]

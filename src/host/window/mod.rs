@@ -95,7 +95,7 @@ pub use display::Display;
 pub use layouts::slices_of;
 pub use loading::{Prepare, Ready, SessionFile, Unflown};
 #[doc(hidden)]
-pub use moving::{Interval, Moving, Side};
+pub use moving::{Interval, Moving, Pictures, Side};
 pub(crate) use painter::{Marker, pixels_a_point};
 use panels::{ActionEntry, PanelEntry};
 #[doc(hidden)]

@@ -269,7 +269,8 @@ impl ViewRenderer {
         } else {
             self.shown = Some(due.now);
             let traced = self.detail(flight).map_or(due.now.window.width, |d| d.size.width);
-            self.moving.took(traced as f64 / due.now.window.width.max(1) as f64, Instant::now());
+            let side = traced as f64 / due.now.window.width.max(1) as f64;
+            self.moving.took(side, self.is_shared, Instant::now());
         }
     }
 

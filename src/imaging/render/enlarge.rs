@@ -1,10 +1,10 @@
 //! Bilinear stretching of a picture to a larger one.
 
-use fearless_simd::{Level, Simd, i32x16, prelude::*};
+use fearless_simd::{Level, Simd, prelude::*, u8x64, u16x32};
 use rayon::prelude::*;
 
 use super::frame::Frame;
-use super::packets::lanes::{Padded, SPARE};
+use super::words::{BLOCK, blocks};
 
 /// Rows of a task.
 const ROWS: usize = 32;
@@ -28,33 +28,74 @@ fn between(n: usize, m: usize) -> impl Fn(usize) -> Between {
     }
 }
 
-/// Returns pixels interpolated between two, red in the lowest byte; `share` is the weight of the second, out of 256.
-///
-/// Red and blue share a number, in which no sum overflows its sixteen bits.
+/// Returns bytes interpolated between two; `share` is the weight of the second, out of 256, for each pair of bytes.
 #[inline(always)]
-fn mix<S: Simd>(a: i32x16<S>, b: i32x16<S>, share: i32x16<S>) -> i32x16<S> {
-    let part = |a: i32x16<S>, b: i32x16<S>, half: i32, mask: i32| {
-        let (a, b) = (a & mask, b & mask);
-        (((a << 8) + (b - a) * share + half) >> 8) & mask
-    };
-    part(a, b, 0x0080_0080, 0x00ff_00ff) | (part(a >> 8, b >> 8, 0x80, 0xff) << 8)
+fn mix<S: Simd>(simd: S, a: u8x64<S>, b: u8x64<S>, share: u16x32<S>) -> u8x64<S> {
+    let (a, b): (u16x32<S>, u16x32<S>) = (a.bitcast(), b.bitcast());
+    let low = u16x32::splat(simd, 0xff);
+    let (even, odd) = (between_two(simd, a & low, b & low, share) >> 8, between_two(simd, a >> 8, b >> 8, share) & !low);
+    (even | odd).bitcast()
+}
+
+/// Returns 256 times what lies between two, and a half more. No sum is below zero or above sixteen bits.
+#[inline(always)]
+fn between_two<S: Simd>(simd: S, a: u16x32<S>, b: u16x32<S>, share: u16x32<S>) -> u16x32<S> {
+    (a << 8) + (b - a) * share + u16x32::splat(simd, 0x80)
+}
+
+/// Returns bytes interpolated between two.
+#[inline(always)]
+fn mixed<S: Simd>(simd: S, a: &[u8; 64], b: &[u8; 64], share: u16x32<S>) -> [u8; 64] {
+    mix(simd, u8x64::load_array_ref(simd, a), u8x64::load_array_ref(simd, b), share).to_array()
 }
 
 /// Pixels that are stretched at once.
 const LANES: usize = 16;
+/// Those of them that are next to each other in one block of bytes.
+const OF_BLOCK: usize = 4;
+/// Picks four pixels of three bytes from four words.
+const PACKED: [u8; 64] = {
+    let mut picked = [0; 64];
+    let mut n = 0;
+    while n < 64 {
+        let byte = n % BLOCK;
+        picked[n] = if byte < 12 { byte + byte / 3 } else { 15 } as u8;
+        n += 1;
+    }
+    picked
+};
 
-/// Columns of the larger picture, sixteen at a time; those beyond its edge are as the last one.
-#[derive(Clone, Debug, Default)]
+/// Sixteen columns of the larger picture; those beyond its edge are as the last one.
+#[derive(Clone, Debug)]
 struct Columns {
-    /// The first byte of the left neighbour in a row.
-    bytes: Vec<i32>,
-    shares: Vec<i32>,
+    /// Where the bytes of each four of them begin in a row of the smaller picture.
+    first: [u32; OF_BLOCK],
+    /// The left and the right neighbours of each, as bytes from there on.
+    picked: [[u8; 64]; 2],
+    /// The weight of the right one, out of 256, twice.
+    shares: [u16; 32],
+}
+
+impl Columns {
+    /// Returns the columns at `places` of a picture that is not wider than the larger one, so that the neighbours of four lie
+    /// within a block.
+    fn new(places: [Between; LANES]) -> Self {
+        let fours = places.as_chunks::<OF_BLOCK>().0;
+        let first = std::array::from_fn(|n| 3 * fours[n][0].low);
+        let picked = [0, 1].map(|right| {
+            std::array::from_fn(|byte| {
+                let place = places[byte / 4];
+                (3 * (place.low + right) - first[byte / BLOCK]) as u8 + byte as u8 % 4
+            })
+        });
+        Self { first, picked, shares: std::array::from_fn(|n| places[n / 2].share) }
+    }
 }
 
 /// Stretches pictures and keeps its working memory from one to the next.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Enlarger {
-    columns: Columns,
+    columns: Vec<Columns>,
     bands: Vec<Band>,
 }
 
@@ -63,25 +104,33 @@ pub(crate) struct Enlarger {
 struct Band {
     /// A row of the smaller picture, and as many bytes more as are read together.
     row: Vec<u8>,
-    /// The two stretched rows of the smaller picture that surround a row of the larger one: red in the lowest byte.
-    wide: [Vec<i32>; 2],
+    /// The two stretched rows of the smaller picture that surround a row of the larger one, and as many bytes more as are written
+    /// together.
+    wide: [Vec<u8>; 2],
 }
 
 impl Band {
     /// Stretches a row of the smaller picture horizontally into one of the two.
     #[inline(always)]
-    fn widen<S: Simd>(&mut self, simd: S, n: usize, row: &[[u8; 3]], columns: &Columns) {
+    fn widen<S: Simd>(&mut self, simd: S, n: usize, row: &[[u8; 3]], columns: &[Columns]) {
         self.row.clear();
         self.row.extend_from_slice(row.as_flattened());
-        self.row.extend_from_slice(&[0; SPARE]);
+        self.row.extend_from_slice(&[0; 2 * BLOCK]);
         let wide = &mut self.wide[n];
-        wide.resize(columns.bytes.len(), 0);
-        let Some(row) = Padded::new(&self.row) else { return };
-        let columns = columns.bytes.as_chunks::<LANES>().0.iter().zip(columns.shares.as_chunks::<LANES>().0);
-        for (out, (bytes, shares)) in wide.as_chunks_mut::<LANES>().0.iter_mut().zip(columns) {
-            let at = i32x16::load_array_ref(simd, bytes);
-            let (pixel, next) = (row.four(simd, at), row.four(simd, at + 3));
-            *out = mix(pixel, next, i32x16::load_array_ref(simd, shares)).to_array();
+        wide.resize(columns.len() * LANES * 3 + BLOCK, 0);
+        let packed = u8x64::load_array_ref(simd, &PACKED);
+        for (n, Columns { first, picked, shares }) in columns.iter().enumerate() {
+            let near = blocks(simd, first.map(|at| self.row[at as usize..].first_chunk().unwrap_or(&[0; BLOCK])));
+            let left = near.swizzle_dyn_within_blocks(u8x64::load_array_ref(simd, &picked[0]));
+            let right = near.swizzle_dyn_within_blocks(u8x64::load_array_ref(simd, &picked[1]));
+            let mixed = mix(simd, left, right, u16x32::load_array_ref(simd, shares));
+            let mixed = mixed.swizzle_dyn_within_blocks(packed).to_array();
+            // Each writes over what the one before it wrote beyond its four pixels.
+            for (four, bytes) in mixed.as_chunks::<BLOCK>().0.iter().enumerate() {
+                if let Some(out) = wide[(n * OF_BLOCK + four) * 12..].first_chunk_mut() {
+                    *out = *bytes;
+                }
+            }
         }
     }
 
@@ -91,7 +140,7 @@ impl Band {
         &mut self,
         simd: S,
         (first, rows): (usize, &mut [[u8; 3]]),
-        (width, columns): (usize, &Columns),
+        (width, columns): (usize, &[Columns]),
         small: &Frame,
         row_of: impl Fn(usize) -> Between,
     ) {
@@ -111,42 +160,30 @@ impl Band {
                     self.widen(simd, n, row(y), columns);
                 }
             }
-            let share = i32x16::splat(simd, y.share.into());
-            let [above, below] = self.wide.each_ref().map(|row| row.as_chunks::<LANES>().0);
-            for ((out, above), below) in out.chunks_mut(LANES).zip(above).zip(below) {
-                let [above, below] = [above, below].map(|row| i32x16::load_array_ref(simd, row));
-                pack(&mix(above, below, share).to_array(), out);
+            let share = u16x32::splat(simd, y.share);
+            let [above, below] = self.wide.each_ref().map(|row| row.as_chunks::<64>());
+            let (out, rest) = out.as_flattened_mut().as_chunks_mut::<64>();
+            for ((out, above), below) in out.iter_mut().zip(above.0).zip(below.0) {
+                *out = mixed(simd, above, below, share);
+            }
+            if !rest.is_empty() {
+                let done = 64 * out.len();
+                let [above, below] = self.wide.each_ref().map(|row| {
+                    let mut bytes = [0; 64];
+                    bytes[..rest.len()].copy_from_slice(&row[done..][..rest.len()]);
+                    bytes
+                });
+                rest.copy_from_slice(&mixed(simd, &above, &below, share)[..rest.len()]);
             }
         }
-    }
-}
-
-/// Writes at most sixteen pixels. Four fit in three words.
-#[inline(always)]
-fn pack(pixels: &[i32; LANES], out: &mut [[u8; 3]]) {
-    let bytes = |pixel: i32| {
-        let [r, g, b, _] = pixel.to_le_bytes();
-        [r, g, b]
-    };
-    let Some(out) = out.first_chunk_mut::<LANES>() else {
-        out.iter_mut().zip(pixels).for_each(|(out, pixel)| *out = bytes(*pixel));
-        return;
-    };
-    let words = pixels.as_chunks::<4>().0.iter().flat_map(|&[a, b, c, d]| {
-        let [a, b, c, d] = [a, b, c, d].map(i32::cast_unsigned);
-        [a | b << 24, b >> 8 | c << 16, c >> 16 | d << 8]
-    });
-    for (out, word) in out.as_flattened_mut().as_chunks_mut::<4>().0.iter_mut().zip(words) {
-        *out = word.to_le_bytes();
     }
 }
 
 impl Enlarger {
     /// Returns the memory in use, bytes.
     pub(crate) fn bytes(&self) -> usize {
-        let words = |words: &[&Vec<i32>]| words.iter().map(|w| size_of_val(w.as_slice())).sum::<usize>();
-        let band = |b: &Band| b.row.len() + words(&[&b.wide[0], &b.wide[1]]);
-        words(&[&self.columns.bytes, &self.columns.shares]) + self.bands.iter().map(band).sum::<usize>()
+        let band = |b: &Band| b.row.len() + b.wide[0].len() + b.wide[1].len();
+        size_of_val(self.columns.as_slice()) + self.bands.iter().map(band).sum::<usize>()
     }
 
     /// Fills `out` at its current size with `small` stretched to fit, leaving its depth alone. A picture without pixels
@@ -159,21 +196,33 @@ impl Enlarger {
         if width == 0 || height == 0 || w == 0 || h == 0 {
             return;
         }
-        let row_of = between(height, h);
-        let columns = &mut self.columns;
-        columns.bytes.clear();
-        columns.shares.clear();
-        for Between { low, share } in
-            (0..width.next_multiple_of(LANES)).map(|x| x.min(width - 1)).map(between(width, w))
-        {
-            columns.bytes.push(3 * low as i32);
-            columns.shares.push(share.into());
+        let (row_of, column_of) = (between(height, h), between(width, w));
+        if w > width {
+            return shrink(small, out, column_of, row_of);
         }
+        self.columns.clear();
+        self.columns.extend((0..width).step_by(LANES).map(|first| {
+            Columns::new(std::array::from_fn(|n| column_of((first + n).min(width - 1))))
+        }));
         self.bands.resize(height.div_ceil(ROWS), Band::default());
-        let (columns, level) = ((width, &self.columns), Level::new());
+        let (columns, level) = ((width, &self.columns[..]), Level::new());
         let tasks = out.buffers().0.par_chunks_mut(ROWS * width).zip(&mut self.bands);
         tasks.enumerate().for_each(|(n, (rows, band))| {
             fearless_simd::dispatch!(level, simd => band.fill(simd, (n * ROWS, rows), columns, small, &row_of));
+        });
+    }
+}
+
+/// Fills `out` with a picture that is wider, pixel by pixel.
+fn shrink(small: &Frame, out: &mut Frame, column_of: impl Fn(usize) -> Between, row_of: impl Fn(usize) -> Between) {
+    let (w, last, width) = (small.width(), [small.width() - 1, small.height() - 1], out.width());
+    let mix = |a: u8, b: u8, share: u16| ((u16::from(a) * (256 - share) + u16::from(b) * share + 128) >> 8) as u8;
+    for (n, pixel) in out.buffers().0.iter_mut().enumerate() {
+        let (x, y) = (column_of(n % width), row_of(n / width));
+        let [xs, ys] = [(x, last[0]), (y, last[1])].map(|(b, last)| [b.low as usize, (b.low as usize + 1).min(last)]);
+        *pixel = std::array::from_fn(|c| {
+            let row = |y: usize| mix(small.pixels()[y * w + xs[0]][c], small.pixels()[y * w + xs[1]][c], x.share);
+            mix(row(ys[0]), row(ys[1]), y.share)
         });
     }
 }

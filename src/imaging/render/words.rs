@@ -1,11 +1,33 @@
 //! Pixels as words, as screens take them.
 
-use fearless_simd::{Level, Simd, i32x16, prelude::*};
-
-use super::packets::lanes::Padded;
+use fearless_simd::{Level, Simd, prelude::*, u8x16, u8x64};
 
 /// Pixels that are converted at once.
 const LANES: usize = 16;
+/// Bytes that are moved within.
+pub(super) const BLOCK: usize = 16;
+/// Picks blue, green and red of four pixels, and a byte more of each.
+const PICKED: [u8; 64] = {
+    let mut picked = [15; 64];
+    let mut n = 0;
+    while n < LANES {
+        let mut colour = 0;
+        while colour < 3 {
+            picked[4 * n + colour] = (n % 4 * 3 + 2 - colour) as u8;
+            colour += 1;
+        }
+        n += 1;
+    }
+    picked
+};
+
+/// Returns four blocks of bytes.
+#[inline(always)]
+pub(super) fn blocks<S: Simd>(simd: S, of: [&[u8; BLOCK]; 4]) -> u8x64<S> {
+    let [a, b, c, d] = of;
+    let first = u8x16::load_array_ref(simd, a).combine(u8x16::load_array_ref(simd, b));
+    first.combine(u8x16::load_array_ref(simd, c).combine(u8x16::load_array_ref(simd, d)))
+}
 
 /// Converts red, green and blue to `0x00RRGGBB`, as many as both have.
 pub fn to_words(level: Level, pixels: &[[u8; 3]], out: &mut [u32]) {
@@ -16,18 +38,19 @@ pub fn to_words(level: Level, pixels: &[[u8; 3]], out: &mut [u32]) {
 #[inline(always)]
 fn convert<S: Simd>(simd: S, pixels: &[[u8; 3]], out: &mut [u32]) {
     let word = |&[r, g, b]: &[u8; 3]| u32::from_be_bytes([0, r, g, b]);
-    // Each is read with the byte after it, which the last one does not have.
-    let whole = out.len().saturating_sub(1) / LANES * LANES;
-    let mut first = i32x16::load_array_ref(simd, &std::array::from_fn(|n| 3 * n as i32));
-    if let Some(bytes) = Padded::new(pixels.as_flattened()) {
-        for out in out[..whole].as_chunks_mut::<LANES>().0 {
-            let rgb = bytes.four(simd, first);
-            let words = ((rgb & 0xff) << 16) | (rgb & 0xff00) | ((rgb >> 16) & 0xff);
-            *out = words.to_array().map(i32::cast_unsigned);
-            first += 3 * LANES as i32;
+    // The last block of sixteen pixels has four bytes of those after them, which the last ones do not have.
+    let whole = pixels.len().saturating_sub(2) / LANES * LANES;
+    let picked = u8x64::load_array_ref(simd, &PICKED);
+    let (words, rest) = out.split_at_mut(whole);
+    for (out, pixels) in words.as_chunks_mut::<LANES>().0.iter_mut().zip(pixels.windows(LANES + 2).step_by(LANES)) {
+        let Some(bytes) = pixels.as_flattened().first_chunk::<{ 3 * (LANES + 2) }>() else { return };
+        let four = |n: usize| bytes[12 * n..].first_chunk().unwrap_or(&[0; BLOCK]);
+        let picked = blocks(simd, [four(0), four(1), four(2), four(3)]).swizzle_dyn_within_blocks(picked);
+        for (out, bytes) in out.iter_mut().zip(picked.to_array().as_chunks().0) {
+            *out = u32::from_le_bytes(*bytes) & 0x00ff_ffff;
         }
     }
-    for (out, pixel) in out.iter_mut().zip(pixels).skip(whole) {
+    for (out, pixel) in rest.iter_mut().zip(&pixels[whole..]) {
         *out = word(pixel);
     }
 }

@@ -66,13 +66,14 @@ pub struct Adaptive {
     governor: Governor,
     /// Probes of the last view that differed.
     probes: Option<Probes>,
-    small: Frame,
+    /// The last picture of a moving camera, as it was traced. A camera that stops starts from it.
+    last: Frame,
     enlarger: Enlarger,
     still: Still,
     resting: bool,
-    /// The last picture of a moving camera. A camera that stops starts from it.
-    last: Frame,
     traced: ImageSize,
+    /// The size of the last picture as it was shown.
+    shown: ImageSize,
     /// True if the renderer's last picture was the whole one, not a strip.
     is_whole: bool,
 }
@@ -87,12 +88,12 @@ impl Adaptive {
             budget: BUDGET,
             governor: Governor::default(),
             probes: None,
-            small: Frame::default(),
+            last: Frame::default(),
             enlarger: Enlarger::default(),
             still: Still::default(),
             resting: false,
-            last: Frame::default(),
             traced: ImageSize::new(0, 0),
+            shown: ImageSize::new(0, 0),
             is_whole: false,
         }
     }
@@ -115,20 +116,21 @@ impl Adaptive {
     fn in_motion(&mut self, view: &View, flow: f64, frame: &mut Frame) -> Work {
         self.resting = false;
         let size = ImageSize::new(view.width(), view.height());
-        self.traced = self.governor.next(size, flow, self.budget);
+        (self.traced, self.shown) = (self.governor.next(size, flow, self.budget), size);
+        // Not into `frame`: the caller handles its depth.
         let work = if self.traced == size {
-            // Not into `frame`: the caller handles its depth.
-            self.moving.render(view, &mut self.last)
+            let work = self.moving.render(view, &mut self.last);
+            frame.show(&self.last);
+            work
         } else {
-            let work = self.moving.render(&view.resized(self.traced.width, self.traced.height), &mut self.small);
-            self.last.resize(view.width(), view.height());
-            self.enlarger.enlarge(&self.small, &mut self.last);
+            let work = self.moving.render(&view.resized(self.traced.width, self.traced.height), &mut self.last);
+            frame.resize(size.width, size.height);
+            self.enlarger.enlarge(&self.last, frame);
             work
         };
         self.is_whole = true;
         self.governor.took(cost(&work), size.pixels());
         self.probes = Some(Probes::new(&self.volume, view));
-        frame.show(&self.last);
         work
     }
 
@@ -136,7 +138,12 @@ impl Adaptive {
         let size = ImageSize::new(view.width(), view.height());
         if !self.resting {
             self.resting = true;
-            self.still.begin(&self.last, self.traced == size);
+            let begun = self.still.begin(self.shown, self.traced == self.shown);
+            if self.traced == self.shown {
+                begun.show(&self.last);
+            } else {
+                self.enlarger.enlarge(&self.last, begun);
+            }
         }
         self.is_whole &= self.still.is_sharp();
         let means = Means { sharp: &mut *self.moving, fine: self.fine.as_deref_mut() };
@@ -172,7 +179,7 @@ impl Renderer for Adaptive {
         }
         parts.push((
             MemoryPart::RefinementPictures,
-            self.still.bytes() + pixels(&self.small) + pixels(&self.last) + self.enlarger.bytes(),
+            self.still.bytes() + pixels(&self.last) + self.enlarger.bytes(),
         ));
         parts
     }
@@ -183,8 +190,7 @@ impl Renderer for Adaptive {
 
     fn distances(&self) -> Option<Distances<'_>> {
         // At rest, strips may have taken their place.
-        let shown = ImageSize::new(self.last.width(), self.last.height());
-        Some(self.moving.distances().filter(|_| self.is_whole)?.stretched(self.traced, shown))
+        Some(self.moving.distances().filter(|_| self.is_whole)?.stretched(self.traced, self.shown))
     }
 
     fn complaint(&mut self) -> Option<(String, String)> {

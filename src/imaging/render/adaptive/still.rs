@@ -6,7 +6,7 @@ use super::cost;
 use crate::render::caster::within_pixel;
 use crate::render::packets::BLOCK;
 use crate::render::renderer::{Renderer, SQUARE};
-use crate::render::{Frame, View, Work};
+use crate::render::{Frame, ImageSize, View, Work};
 
 /// Samples a pixel of the finished picture.
 #[doc(hidden)]
@@ -58,10 +58,11 @@ impl Means<'_> {
 }
 
 impl Still {
-    /// Starts with `picture`. `sharp` is true if all of its pixels were traced.
-    pub(crate) fn begin(&mut self, picture: &Frame, sharp: bool) {
-        self.shown.show(picture);
+    /// Starts with the picture that the caller draws into what this returns. `sharp` is true if all of its pixels were traced.
+    pub(crate) fn begin(&mut self, size: ImageSize, sharp: bool) -> &mut Frame {
+        self.shown.resize(size.width, size.height);
         (self.pass, self.row) = (u32::from(sharp), 0);
+        &mut self.shown
     }
 
     /// Returns the current picture.
