@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::camera::Pose;
 use crate::render::Frame;
-use crate::render::slice::{PlaneFrame, Slab, Slice, SlicePlane, Tint, Windowing};
+use crate::render::slice::{Near, Patched, PlaneFrame, Slab, Slice, SlicePlane, Tint, Windowing};
 use crate::volume::{Grid, Volume};
 
 /// The orientation of a slice.
@@ -99,15 +100,12 @@ pub struct SliceView {
     /// While the image has larger pixels: the values of the fine image, and the number of its rows done so far.
     finer: Vec<f32>,
     rows: Option<usize>,
+    /// The voxels around the plane.
+    near: Near,
 }
 
-/// A scan, and the patch laid over it.
-#[derive(Clone, Copy)]
-struct Patched<'a> {
-    volume: &'a Volume,
-    patch: Option<&'a Volume>,
-}
-
+/// Pixels of a task.
+const PART: usize = 1 << 15;
 /// Extent of a slice across the path, mm.
 const ACROSS_MM: f64 = 100.0;
 /// Maximum pixel size of a moving slice, as a multiple of the full-resolution pixel size.
@@ -139,6 +137,7 @@ impl SliceView {
             marked: None,
             finer: Vec::new(),
             rows: None,
+            near: Near::default(),
         }
     }
 
@@ -236,9 +235,8 @@ impl SliceView {
         if (self.frame.width(), self.frame.height()) != (width, height) {
             self.frame.resize(width, height);
         }
-        for (pixel, grey) in self.frame.buffers().0.iter_mut().zip(&self.grey) {
-            *pixel = [*grey; 3];
-        }
+        let parts = self.frame.buffers().0.par_chunks_mut(PART).zip(self.grey.par_chunks(PART));
+        parts.for_each(|(pixels, greys)| pixels.iter_mut().zip(greys).for_each(|(pixel, grey)| *pixel = [*grey; 3]));
         if let Some(tint) = &self.tint {
             tint.paint(&slice, &mut self.frame);
         }
@@ -257,11 +255,11 @@ impl SliceView {
         self.rows = (larger > 1).then_some(0);
         if larger == 1 {
             self.hu.resize(slice.size[0] * slice.size[1], 0.0);
-            return slice.fill_rows_patched(scan.volume, scan.patch, slab, 0, &mut self.hu);
+            return slice.fill_rows_patched(scan, slab, (0, &mut self.hu), &mut self.near);
         }
         let coarse = slice.with_larger_pixels(larger);
         self.finer.resize(coarse.size[0] * coarse.size[1], 0.0);
-        coarse.fill_rows_patched(scan.volume, scan.patch, slab, 0, &mut self.finer);
+        coarse.fill_rows_patched(scan, slab, (0, &mut self.finer), &mut self.near);
         coarse.enlarge(&self.finer, larger, slice.size, &mut self.hu);
     }
 
@@ -271,13 +269,8 @@ impl SliceView {
         let a_row = (width * slab.samples_a_pixel(scan.volume.grid())).max(1);
         let more = self.budget.map_or(height, |most| most / a_row).max(1).min(height - rows);
         self.finer.resize(width * height, 0.0);
-        slice.fill_rows_patched(
-            scan.volume,
-            scan.patch,
-            slab,
-            rows,
-            &mut self.finer[rows * width..(rows + more) * width],
-        );
+        let fine = &mut self.finer[rows * width..(rows + more) * width];
+        slice.fill_rows_patched(scan, slab, (rows, fine), &mut self.near);
         let done = rows + more == height;
         self.rows = (!done).then_some(rows + more);
         if done {
@@ -290,6 +283,7 @@ impl SliceView {
     pub fn bytes(&self) -> usize {
         (self.hu.capacity() + self.finer.capacity()) * size_of::<f32>()
             + self.grey.capacity()
+            + self.near.bytes()
             + size_of_val(self.frame.pixels())
     }
 }

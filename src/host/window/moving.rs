@@ -149,7 +149,10 @@ mod tests {
         let both = both.unwrap();
         // The first has begun while the other one was not there yet.
         assert_eq!((all.pictures, both.pictures, both.side.median), (300, 99, 0.5));
-        assert!((both.interval_ms.median - 30.0).abs() < 1e-3 && (both.interval_ms.p99 - 30.0).abs() < 1e-3, "{both:?}");
+        assert!(
+            (both.interval_ms.median - 30.0).abs() < 1e-3 && (both.interval_ms.p99 - 30.0).abs() < 1e-3,
+            "{both:?}"
+        );
         assert!((all.interval_ms.median - 10.0).abs() < 1e-3, "{all:?}");
         let written = serde_json::to_value(m.summary()).unwrap();
         assert!(written["both"]["interval_ms"]["p99"].is_number() && written["interval_ms"]["median"].is_number());

@@ -33,7 +33,8 @@ fn between(n: usize, m: usize) -> impl Fn(usize) -> Between {
 fn mix<S: Simd>(simd: S, a: u8x64<S>, b: u8x64<S>, share: u16x32<S>) -> u8x64<S> {
     let (a, b): (u16x32<S>, u16x32<S>) = (a.bitcast(), b.bitcast());
     let low = u16x32::splat(simd, 0xff);
-    let (even, odd) = (between_two(simd, a & low, b & low, share) >> 8, between_two(simd, a >> 8, b >> 8, share) & !low);
+    let (even, odd) =
+        (between_two(simd, a & low, b & low, share) >> 8, between_two(simd, a >> 8, b >> 8, share) & !low);
     (even | odd).bitcast()
 }
 
@@ -201,9 +202,11 @@ impl Enlarger {
             return shrink(small, out, column_of, row_of);
         }
         self.columns.clear();
-        self.columns.extend((0..width).step_by(LANES).map(|first| {
-            Columns::new(std::array::from_fn(|n| column_of((first + n).min(width - 1))))
-        }));
+        self.columns.extend(
+            (0..width)
+                .step_by(LANES)
+                .map(|first| Columns::new(std::array::from_fn(|n| column_of((first + n).min(width - 1))))),
+        );
         self.bands.resize(height.div_ceil(ROWS), Band::default());
         let (columns, level) = ((width, &self.columns[..]), Level::new());
         let tasks = out.buffers().0.par_chunks_mut(ROWS * width).zip(&mut self.bands);

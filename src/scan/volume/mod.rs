@@ -9,6 +9,8 @@ pub mod hounsfield;
 pub mod io;
 mod position;
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use crate::error::{Error, Result};
 
 pub use content::{content_hash, content_origin};
@@ -30,11 +32,25 @@ pub const AIR_HU: i16 = -1024;
 /// assert_eq!((volume.get(0, 0, 0), volume.get(0, 0, 1)), (-1000, 40));
 /// # Ok::<(), colvis::error::Error>(())
 /// ```
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Volume {
     grid: Grid,
     data: Vec<i16>,
     header_position: Option<PatientPosition>,
+    stamp: u64,
+}
+
+impl PartialEq for Volume {
+    fn eq(&self, other: &Self) -> bool {
+        let Self { grid, data, header_position, stamp: _ } = self;
+        (grid, data, header_position) == (&other.grid, &other.data, &other.header_position)
+    }
+}
+
+/// Returns a number that no volume has yet.
+fn stamped() -> u64 {
+    static STAMPS: AtomicU64 = AtomicU64::new(0);
+    STAMPS.fetch_add(1, Ordering::Relaxed)
 }
 
 impl Volume {
@@ -45,7 +61,7 @@ impl Volume {
     /// an error instead.
     pub fn new(grid: Grid, data: Vec<i16>) -> Self {
         assert_eq!(grid.len(), data.len(), "a volume's values must match its grid");
-        Self { grid, data, header_position: None }
+        Self { grid, data, header_position: None, stamp: stamped() }
     }
 
     /// Like [`Volume::new`], for values whose number is not known to match.
@@ -93,9 +109,16 @@ impl Volume {
         &self.data
     }
 
+    /// Returns a number by which what was derived from the values is known to be theirs: values with the same one are the same.
+    #[doc(hidden)]
+    pub fn stamp(&self) -> u64 {
+        self.stamp
+    }
+
     /// Returns all values to be changed. The grid stays.
     #[doc(hidden)]
     pub fn data_mut(&mut self) -> &mut [i16] {
+        self.stamp = stamped();
         &mut self.data
     }
 
@@ -117,7 +140,7 @@ impl Volume {
         }
         self.data.truncate(to);
         self.data.shrink_to_fit();
-        Self { grid: part, ..self }
+        Self { grid: part, stamp: stamped(), ..self }
     }
 
     /// Returns a copy of a box: `dims` voxels from `first` on.
@@ -134,7 +157,7 @@ impl Volume {
                 data.extend_from_slice(&self.data[from..from + dims[0]]);
             }
         }
-        Self { grid, data, ..*self }
+        Self { grid, data, stamp: stamped(), ..*self }
     }
 
     /// Returns the size of the values in memory, bytes.

@@ -177,10 +177,7 @@ impl Renderer for Adaptive {
         if own > 0 {
             parts.push((MemoryPart::RefinementRays, own));
         }
-        parts.push((
-            MemoryPart::RefinementPictures,
-            self.still.bytes() + pixels(&self.last) + self.enlarger.bytes(),
-        ));
+        parts.push((MemoryPart::RefinementPictures, self.still.bytes() + pixels(&self.last) + self.enlarger.bytes()));
         parts
     }
 

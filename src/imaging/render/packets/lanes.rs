@@ -40,8 +40,11 @@ const ONE: f32 = (1 << 14) as f32;
 impl<'a> Voxels<'a> {
     /// Returns the voxels of `volume`; `None` if an axis has fewer than two of them, or if there are more than an `i32` can count.
     pub(crate) fn new(volume: &'a Volume) -> Option<Self> {
-        let dims = volume.grid().dims();
-        let data = volume.data();
+        Self::of(volume.data(), volume.grid().dims())
+    }
+
+    /// As [`Voxels::new`], of `dims` voxels along the axes, x fastest.
+    pub(crate) fn of(data: &'a [i16], dims: [usize; 3]) -> Option<Self> {
         let fits = i32::try_from(data.len()).is_ok() && dims.iter().product::<usize>() == data.len();
         let [row, slice] = [dims[0] as i32, (dims[0] * dims[1]) as i32];
         (fits && dims.iter().all(|&n| n >= 2)).then(|| Self { data, last: dims.map(|n| n as i32 - 1), row, slice })

@@ -3,6 +3,7 @@
 use fearless_simd::{Simd, f32x16, i32x16, mask32x16, prelude::*};
 use glam::DVec3;
 
+use super::near::Copied;
 use crate::render::packets::lanes::{Corners, Voxels};
 use crate::volume::{AIR_HU, Volume};
 
@@ -20,8 +21,11 @@ pub(super) const ALL: u64 = (1 << LANES) - 1;
 /// Positions farther out are outside.
 pub(super) struct Sampler<'a> {
     volume: &'a Volume,
+    /// Its voxels, or a box of them in which all samples are.
     voxels: Option<Voxels<'a>>,
-    /// Voxels along each axis.
+    /// The first of these.
+    first: DVec3,
+    /// Voxels along each axis of the scan.
     dims: [f64; 3],
     /// A position is in it from the first on, and below the second.
     bounds: [[f64; 2]; 3],
@@ -32,14 +36,23 @@ pub(super) struct Sampler<'a> {
 impl<'a> Sampler<'a> {
     pub(super) fn new(volume: &'a Volume) -> Self {
         let dims = volume.grid().dims().map(|n| n as f64);
-        Self { volume, voxels: Voxels::new(volume), dims, bounds: dims.map(|d| [-0.5, d - 0.5]), patch: None }
+        let bounds = dims.map(|d| [-0.5, d - 0.5]);
+        Self { volume, voxels: Voxels::new(volume), first: DVec3::ZERO, dims, bounds, patch: None }
+    }
+
+    /// Like [`Sampler::new`], for `pixels` samples at most of which none is beyond the voxel coordinates `span`: it reads a copy of the
+    /// voxels there if that is faster.
+    pub(super) fn within(volume: &'a Volume, span: [DVec3; 2], pixels: usize, copied: &'a mut Copied) -> Self {
+        match copied.around(volume, span, pixels) {
+            Some((voxels, first)) => Self { voxels: Some(voxels), first, ..Self::new(volume) },
+            None => Self::new(volume),
+        }
     }
 
     /// Lays other values over a box of its voxels: `patch` is on the same grid, with fewer voxels. Between the box and the voxels beside
-    /// it the values are those of the scan.
-    pub(super) fn with_patch(mut self, patch: &'a Volume) -> Self {
-        let first = self.volume.grid().voxel(patch.grid().origin()).round();
-        let mut over = Self::new(patch);
+    /// it the values are those of the scan. `over` samples it.
+    pub(super) fn with_patch(mut self, mut over: Self) -> Self {
+        let first = self.patch_at(over.volume);
         for a in 0..3 {
             let (low, end) = (first[a], first[a] + over.dims[a]);
             over.bounds[a] = [
@@ -49,6 +62,11 @@ impl<'a> Sampler<'a> {
         }
         self.patch = Some((Box::new(over), first));
         self
+    }
+
+    /// Returns the scan's voxel at which a patch begins.
+    pub(super) fn patch_at(&self, patch: &Volume) -> DVec3 {
+        self.volume.grid().voxel(patch.grid().origin()).round()
     }
 
     /// Returns the HU at the positions `start + step · i`, i from 0 to 15, in voxel coordinates, and a bit for each
@@ -78,7 +96,7 @@ impl<'a> Sampler<'a> {
         // False for NaN.
         let is_fine = step.abs().max_element() <= LONGEST_STEP && !step.is_nan();
         match &self.voxels {
-            Some(voxels) if is_fine => (self.between(simd, voxels, start, step), inside),
+            Some(voxels) if is_fine => (self.between(simd, voxels, start - self.first, step), inside),
             _ => (f32x16::load_array_ref(simd, &self.one_by_one(start, step)), inside),
         }
     }
@@ -94,17 +112,19 @@ impl<'a> Sampler<'a> {
         (0..LANES).map(|i| u64::from(is_in(i)) << i).sum()
     }
 
-    /// Returns the values at positions on a line near the scan. Positions outside take the value of the nearest position within.
+    /// Returns the values at positions on a line near the voxels, counted from their first. Positions outside take the value of the nearest
+    /// position within.
     #[inline(always)]
     fn between<S: Simd>(&self, simd: S, voxels: &Voxels<'_>, start: DVec3, step: DVec3) -> f32x16<S> {
         let lane = f32x16::load_array_ref(simd, &NUMBERS);
         let (mut cell, mut share) = ([i32x16::splat(simd, 0); 3], [lane; 3]);
+        let last = voxels.last();
         for a in 0..3 {
             // Relative to the first position's cell, single precision is enough.
             let base = start[a].floor();
             let at = lane * (step[a] as f32) + ((start[a] - base) as f32);
-            let at = at.max((0.0 - base) as f32).min((self.dims[a] - 1.0 - base) as f32);
-            let low = at.floor().min((self.dims[a] - 2.0 - base) as f32);
+            let at = at.max((0.0 - base) as f32).min((f64::from(last[a]) - base) as f32);
+            let low = at.floor().min((f64::from(last[a] - 1) - base) as f32);
             share[a] = at - low;
             // Counted from cell −1.
             cell[a] = low.to_int::<i32x16<S>>() + (base as i32 + 1);

@@ -2,6 +2,7 @@
 //! a slab of some thickness, in HU or in grey.
 
 mod line;
+mod near;
 mod plane;
 mod slab;
 #[cfg(test)]
@@ -16,6 +17,7 @@ use rayon::prelude::*;
 use crate::volume::Volume;
 use line::Sampler;
 
+pub use near::Near;
 pub use plane::{PlaneFrame, SlicePlane, letters};
 pub use slab::{MAX_SLAB_MM, Slab, SlabKind};
 pub use tint::Tint;
@@ -35,6 +37,15 @@ pub struct Slice {
     pub mm_per_pixel: f64,
     /// Width and height, pixels.
     pub size: [usize; 2],
+}
+
+/// A scan, and the patch laid over it: other values for a box of its voxels, on the scan's grid.
+#[derive(Clone, Copy, Debug)]
+pub struct Patched<'a> {
+    /// The scan.
+    pub volume: &'a Volume,
+    /// The patch.
+    pub patch: Option<&'a Volume>,
 }
 
 impl Slice {
@@ -96,7 +107,7 @@ impl Slice {
 
     /// Fills `out` with the HU of the pixels, row by row; −1024 outside the scan.
     ///
-    /// Allocates nothing if `out` already has the right size, and gives the same bytes for every number of threads.
+    /// Gives the same bytes for every number of threads.
     ///
     /// A voxel reaches half its size beyond its centre. The outermost voxels keep their value there; farther out is outside.
     pub fn fill(&self, volume: &Volume, out: &mut Vec<f32>) {
@@ -113,47 +124,46 @@ impl Slice {
     ///
     /// Use this for an image too large to hold in memory or to compute in one go.
     pub fn fill_rows(&self, volume: &Volume, slab: Slab, first: usize, rows: &mut [f32]) {
-        self.fill_rows_on(Level::new(), volume, None, slab, first, rows);
+        self.fill_rows_on(Level::new(), Patched { volume, patch: None }, slab, (first, rows), &mut Near::default());
     }
 
-    /// Like [`fill_rows`](Self::fill_rows), with other values for a box of the scan's voxels: `patch` is on the scan's grid, with fewer
-    /// voxels.
-    pub fn fill_rows_patched(
-        &self,
-        volume: &Volume,
-        patch: Option<&Volume>,
-        slab: Slab,
-        first: usize,
-        rows: &mut [f32],
-    ) {
-        self.fill_rows_on(Level::new(), volume, patch, slab, first, rows);
+    /// Like [`fill_rows`](Self::fill_rows), for a scan with other values for a box of its voxels. With the same `near` from one picture to
+    /// the next it allocates nothing.
+    pub fn fill_rows_patched(&self, scan: Patched<'_>, slab: Slab, rows: (usize, &mut [f32]), near: &mut Near) {
+        self.fill_rows_on(Level::new(), scan, slab, rows, near);
     }
 
     /// Like [`fill_rows_patched`](Self::fill_rows_patched), on a given SIMD level. All levels give the same bytes.
     fn fill_rows_on(
         &self,
         level: Level,
-        volume: &Volume,
-        patch: Option<&Volume>,
+        scan: Patched<'_>,
         slab: Slab,
-        first: usize,
-        rows: &mut [f32],
+        (first, rows): (usize, &mut [f32]),
+        near: &mut Near,
     ) {
         let width = self.size[0];
-        if width == 0 {
+        if width == 0 || rows.is_empty() {
             return;
         }
+        let Patched { volume, patch } = scan;
         let grid = volume.grid();
-        let scan = Sampler::new(volume);
-        let scan = match patch {
-            Some(patch) => scan.with_patch(patch),
-            None => scan,
-        };
         let samples = slab.samples(grid, self.frame.normal());
+        let start = |y: usize| grid.voxel(self.world([0.5, (first + y) as f64 + 0.5]));
         let step = grid.to_voxel().transform_vector3(self.frame.right() * self.mm_per_pixel);
+        let (across, last) = (samples.across(), step * (width - 1) as f64);
+        let [top, bottom] = [start(0), start(rows.len().div_ceil(width) - 1)];
+        let corners = [top, bottom].map(|left| [left, left + last]).concat();
+        let corners = corners.iter().flat_map(|c| [*c - across * 0.5, *c + across * 0.5]);
+        let span = corners.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], c| [low.min(c), high.max(c)]);
+        let pixels = rows.len();
+        let mut sampler = Sampler::within(volume, span, pixels, &mut near.scan);
+        if let Some(patch) = patch {
+            let at = sampler.patch_at(patch);
+            sampler = sampler.with_patch(Sampler::within(patch, span.map(|s| s - at), pixels, &mut near.patch));
+        }
         rows.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-            let start = grid.voxel(self.world([0.5, (first + y) as f64 + 0.5]));
-            fearless_simd::dispatch!(level, simd => samples.row(simd, &scan, start, step, row));
+            fearless_simd::dispatch!(level, simd => samples.row(simd, &sampler, start(y), step, row));
         });
     }
 }

@@ -84,6 +84,11 @@ pub(super) struct Samples {
 }
 
 impl Samples {
+    /// Returns the way from face to face, voxels.
+    pub(super) fn across(&self) -> DVec3 {
+        self.across
+    }
+
     /// Fills a row of pixels that begins at `start` in the plane, each `step` farther (voxel coordinates).
     #[inline(always)]
     pub(super) fn row<S: Simd>(&self, simd: S, scan: &Sampler<'_>, start: DVec3, step: DVec3, row: &mut [f32]) {

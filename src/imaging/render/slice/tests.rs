@@ -217,8 +217,10 @@ fn threads_and_parts_change_nothing() {
             slice.fill_rows(&volume, slab, n * 50, part);
         }
         assert!(rows.iter().map(|hu| hu.to_bits()).eq(one.iter().copied()));
+        let mut near = Near::default();
         for (name, level) in crate::render::packets::levels() {
-            slice.fill_rows_on(level, &volume, None, slab, 0, &mut rows);
+            let scan = Patched { volume: &volume, patch: None };
+            slice.fill_rows_on(level, scan, slab, (0, &mut rows), &mut near);
             assert!(rows.iter().map(|hu| hu.to_bits()).eq(one.iter().copied()), "{name}");
         }
     }
@@ -247,6 +249,7 @@ fn a_patch_is_seen_as_one_volume_with_it_is() {
             data.extend((low[0]..=high[0]).map(|x| whole.data()[scan.grid().index(x, y, z)]));
         }
         let patch = Volume::new(scan.grid().part(low, dims), data);
+        let mut near = Near::default();
         let oblique = SlicePlane::Oblique(DVec3::new(0.3, 0.8, -0.6));
         for plane in [SlicePlane::Axial, SlicePlane::Sagittal, oblique] {
             let slice = Slice { centre, frame: plane.frame().unwrap(), mm_per_pixel: 0.21, size: [150, 120] };
@@ -254,7 +257,8 @@ fn a_patch_is_seen_as_one_volume_with_it_is() {
                 [Slab::default(), Slab::new(6.0, SlabKind::Mean).unwrap(), Slab::new(6.0, SlabKind::Min).unwrap()]
             {
                 let [mut patched, mut expected, mut raw] = [(); 3].map(|()| vec![0.0; 150 * 120]);
-                slice.fill_rows_patched(&scan, Some(&patch), slab, 0, &mut patched);
+                let both = Patched { volume: &scan, patch: Some(&patch) };
+                slice.fill_rows_patched(both, slab, (0, &mut patched), &mut near);
                 slice.fill_rows(&whole, slab, 0, &mut expected);
                 slice.fill_rows(&scan, slab, 0, &mut raw);
                 let off = patched.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
@@ -339,6 +343,72 @@ fn a_line_through_a_corner_is_in_the_scan_from_there_on() {
                 let beyond = (v - DVec3::splat(5.5)).abs().max_element() - 6.0;
                 if beyond.abs() > 1e-3 {
                     assert_eq!(*hu, if beyond < 0.0 { 500.0 } else { -1024.0 }, "{normal} {v}");
+                }
+            }
+        }
+    }
+}
+
+/// What was copied serves the planes beside it, but no other scan, nor the same with other values.
+#[test]
+fn copied_voxels_are_those_of_the_scan() {
+    let (mut scan, centre) = volume_of(DMat3::IDENTITY, |d| 400.0 * (d.x * 0.9).sin() + 300.0 * (d.y * 1.3).cos());
+    let frame = SlicePlane::Sagittal.frame().unwrap();
+    let (mut near, mut out) = (Near::default(), vec![0.0; 120 * 110]);
+    let mut check = |scan: &Volume, mm: f64| {
+        let centre = centre + DVec3::X * mm;
+        let slice = Slice { centre, frame, mm_per_pixel: 0.2, size: [120, 110] };
+        slice.fill_rows_patched(Patched { volume: scan, patch: None }, Slab::default(), (0, &mut out), &mut near);
+        let mut expected = Vec::new();
+        slice.fill(scan, &mut expected);
+        assert_eq!(out, expected, "{mm}");
+        near.scan.of()
+    };
+    let held = [0.0, 0.4, -0.7, 1.1].map(|mm| check(&scan, mm));
+    assert!(held[0].is_some() && held.iter().all(|h| *h == held[0]), "{held:?}");
+    assert_ne!(check(&scan, 8.0), held[0]);
+    let clone = scan.clone();
+    let here = check(&scan, 0.0);
+    assert_eq!(check(&clone, 0.0), here);
+    scan.data_mut().iter_mut().for_each(|hu| *hu = -*hu);
+    assert_ne!(check(&scan, 0.0), here);
+    assert_ne!(check(&clone.part([0; 3], clone.grid().dims()), 0.0), here);
+}
+
+/// Samples of voxels that were copied first are those of the scan, to the bit: in the middle, at the edges and beyond them, on a layer of
+/// voxels and between two, with and without a patch.
+#[test]
+fn copied_voxels_change_nothing() {
+    let (scan, centre) =
+        volume_of(DMat3::IDENTITY, |d| 400.0 * (d.x * 0.9).sin() + 300.0 * (d.y * 1.3).cos() - 20.0 * d.z);
+    let low = [3, 4, 2];
+    let dims = [0, 1, 2].map(|a| scan.grid().dims()[a] - low[a] - 2);
+    let patch = scan.part(low, dims);
+    let patch = Volume::new(patch.grid().clone(), patch.data().iter().map(|hu| hu / 2 - 300).collect());
+    for plane in [SlicePlane::Axial, SlicePlane::Coronal, SlicePlane::Sagittal] {
+        let frame = plane.frame().unwrap();
+        let layer = scan.grid().world(scan.grid().voxel(centre).round());
+        for (centre, mm_per_pixel) in [(layer, 0.2), (centre, 0.2), (layer, 0.03), (centre + DVec3::splat(9.3), 0.1)] {
+            let slice = Slice { centre, frame, mm_per_pixel, size: [203, 170] };
+            for slab in [Slab::default(), Slab::new(2.0, SlabKind::Max).unwrap()] {
+                for patch in [None, Some(&patch)] {
+                    let mut sampler = Sampler::new(&scan);
+                    if let Some(patch) = patch {
+                        sampler = sampler.with_patch(Sampler::new(patch));
+                    }
+                    let samples = slab.samples(scan.grid(), frame.normal());
+                    let step = scan.grid().to_voxel().transform_vector3(frame.right() * mm_per_pixel);
+                    let [mut expected, mut out] = [(); 2].map(|()| vec![0.0f32; 203 * 170]);
+                    for (y, row) in expected.chunks_mut(203).enumerate() {
+                        let start = scan.grid().voxel(slice.world([0.5, y as f64 + 0.5]));
+                        fearless_simd::dispatch!(Level::new(), simd => samples.row(simd, &sampler, start, step, row));
+                    }
+                    let mut near = Near::default();
+                    slice.fill_rows_patched(Patched { volume: &scan, patch }, slab, (0, &mut out), &mut near);
+                    let same = out.iter().map(|hu| hu.to_bits()).eq(expected.iter().map(|hu| hu.to_bits()));
+                    assert!(same, "{plane:?} {mm_per_pixel} {slab:?} {}", patch.is_some());
+                    let is_copied = near.bytes() > 0;
+                    assert!(is_copied || plane != SlicePlane::Sagittal, "{mm_per_pixel} {slab:?}");
                 }
             }
         }

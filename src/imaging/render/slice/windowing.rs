@@ -1,5 +1,11 @@
 //! Windowing: HU to grey.
 
+use fearless_simd::Level;
+use rayon::prelude::*;
+
+/// Pixels of a task.
+const PART: usize = 1 << 15;
+
 /// A window of HU that is mapped to the greys from black to white.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Windowing {
@@ -49,6 +55,14 @@ impl Windowing {
 
     /// Converts an image in HU to greys. `out` must have the same length.
     pub fn fill(self, hu: &[f32], out: &mut [u8]) {
+        let level = Level::new();
+        out.par_chunks_mut(PART).zip(hu.par_chunks(PART)).for_each(|(out, hu)| {
+            fearless_simd::dispatch!(level, _simd => self.fill_part(hu, out));
+        });
+    }
+
+    #[inline(always)]
+    fn fill_part(self, hu: &[f32], out: &mut [u8]) {
         for (out, hu) in out.iter_mut().zip(hu) {
             *out = self.grey(*hu);
         }

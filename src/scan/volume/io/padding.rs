@@ -25,10 +25,10 @@ pub(crate) fn to_air(volume: Volume, notes: &mut Vec<String>) -> Volume {
     if value > NO_TISSUE_HU || 4 * same < 3 * seen.len() || volume.data.iter().all(|v| *v <= NO_TISSUE_HU) {
         return volume;
     }
-    let Volume { grid, mut data, header_position } = volume;
+    let Volume { grid, mut data, header_position, .. } = volume;
     data.par_iter_mut().filter(|v| **v == value).for_each(|v| *v = AIR_HU);
     notes.push(format!("{value} HU in the corners of the slices is padding and became air"));
-    Volume { grid, data, header_position }
+    Volume::new(grid, data).with_header_position(header_position)
 }
 
 #[cfg(test)]
