@@ -121,7 +121,6 @@ impl FlightApp {
         Ok(())
     }
 
-    /// Refuses commands that a replayed log cannot follow.
     /// Looks through a camera model of this crate, or through the flight's own. Fails with status 2 if there is none of that name, or if it
     /// has no pictures of this size.
     fn change_camera(&mut self, name: &str, degrees: f64) -> Result<()> {
@@ -138,6 +137,7 @@ impl FlightApp {
         Ok(())
     }
 
+    /// Refuses commands that a replayed log cannot follow.
     fn refuse_while_playing(&self, what: &str) -> Result<()> {
         if self.setup.scene.play().is_some() {
             return Err(Error::usage(what, "the flight replays a log", "fly without --play"));
