@@ -18,7 +18,7 @@ const HALF: usize = 2;
 const SLACK: [f64; LEVELS.len()] = [1.0, 1.3, 1.0, 1.0, 1.0, 1.0, 1.0];
 /// Cost of a pixel that is stretched from a coarser picture, in samples. If it were left out, a coarse picture, which
 /// is mostly stretching, would make samples look slow and stay coarse.
-pub(crate) const STRETCHED: f64 = 0.75;
+pub(crate) const STRETCHED: f64 = 0.15;
 /// A finer level must be predicted to stay below these shares of the budget and of the motion, so that the choice does not flicker.
 const HEADROOM: f64 = 0.9;
 const CALMER: f64 = 0.7;
@@ -210,7 +210,7 @@ mod tests {
         let busy = Budget { samples: 300_000, lasting: 300_000, at_half: 5_000_000 };
         for (budget, last) in [
             (busy, ImageSize::new(512, 384)),
-            (Budget::strict(300_000), ImageSize::new(128, 96)),
+            (Budget::strict(200_000), ImageSize::new(128, 96)),
             (busy, ImageSize::new(512, 384)),
         ] {
             let mut sizes = Vec::new();
