@@ -13,11 +13,11 @@ use crate::support::scans::data;
 
 /// Keys for what has none.
 const KEYS: &str = r#"[keys]
-panel-findings = ["F6"]
-panel-quality = ["F7"]
-finding-measured = ["F8"]
-finding-correct = ["F9"]
-finding-delete = ["F10"]
+panel-findings = ["Ctrl+F6"]
+panel-quality = ["Ctrl+F7"]
+finding-measured = ["Ctrl+F8"]
+finding-correct = ["Ctrl+F9"]
+finding-delete = ["Ctrl+F10"]
 "#;
 
 /// The middle of the axial slice in the layout for reading, pixels. A place that is gone to is there.
@@ -112,7 +112,7 @@ impl Sitting<'_> {
         let ([left, right], more) = ([MIDDLE.0 - 20, MIDDLE.0 + 20].map(|x| (x, MIDDLE.1)), MIDDLE.0 + 40);
         let ends =
             |found: &Value| -> Option<[DVec3; 2]> { serde_json::from_value(found["findings"][4]["ends"].clone()).ok() };
-        self.screen.key("F9");
+        self.screen.key("ctrl+F9");
         for at in [left, right] {
             click(self.screen, at);
         }
@@ -140,7 +140,7 @@ impl Sitting<'_> {
 
     /// Writes a note into the field of the findings panel.
     fn note(&self, words: &str) {
-        self.screen.key("F6");
+        self.screen.key("ctrl+F6");
         self.until_still("the panel");
         click(self.screen, NOTE);
         self.screen.tool("xdotool", &["type", "--delay", "60", words]);
@@ -148,14 +148,14 @@ impl Sitting<'_> {
         self.shot("note");
         // The keys are the window's again.
         self.screen.key("Escape");
-        self.screen.key("F6");
+        self.screen.key("ctrl+F6");
         self.until_still("no panel");
     }
 
     /// Undoes one finding more and deletes another.
     fn undo_and_delete(&self) {
         click(self.screen, WALL);
-        for key in ["ctrl+z", "F10"] {
+        for key in ["ctrl+z", "ctrl+F10"] {
             self.screen.key("j");
             self.found(6);
             self.screen.key(key);
@@ -194,7 +194,7 @@ fn sit(name: &'static str, folder: &Path, scan: &str) {
     click(&screen, right);
     screen.key("c");
     kept_when(folder, "a distance", |found| list(found, "distances").len() == 1);
-    screen.key("F8");
+    screen.key("ctrl+F8");
     let (finding, found) = sitting.found(3);
     assert_same(&finding["ends"], &found["distances"][0]);
     sitting.mark_candidate();
@@ -203,14 +203,14 @@ fn sit(name: &'static str, folder: &Path, scan: &str) {
     sitting.note("flat, just behind a fold");
     sitting.undo_and_delete();
 
-    screen.key("F7");
+    screen.key("ctrl+F7");
     let is_table = |i: &RgbImage| {
         let panel = image::imageops::crop_imm(i, 900, 80, 380, 250).to_image();
         share(&panel, |p| p[0] > 150) > 0.02
     };
     screen.shot_when("the quality of the segments", is_table);
     sitting.shot("quality");
-    screen.key("F7");
+    screen.key("ctrl+F7");
     let is_whole = |f: &Value| f["view"].is_object() && f["along_mm"].is_f64();
     kept_when(folder, "all", |found| list(found, "findings").iter().all(is_whole));
     let reported = report(&screen, &shots);
@@ -232,7 +232,7 @@ fn sit(name: &'static str, folder: &Path, scan: &str) {
     let window = open(&screen, folder, scan, false);
     // A click on the wall pauses the flight, unless it was left paused.
     click(&screen, WALL);
-    screen.key("F6");
+    screen.key("ctrl+F6");
     sitting.until_still("the findings");
     sitting.shot("reopened");
     screen.key("j");
