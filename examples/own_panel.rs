@@ -1,6 +1,6 @@
 //! Adds a panel to colvis: the distance to the wall over the last seconds.
 //!
-//! `cargo run --release --example own_panel` (key J)
+//! `cargo run --release --example own_panel` (key Q)
 
 use std::collections::VecDeque;
 
@@ -43,14 +43,22 @@ impl Panel for WallDistance {
     }
 }
 
-fn main() -> std::process::ExitCode {
-    let panel = PanelEntry {
+fn panel() -> PanelEntry {
+    PanelEntry {
         name: "wall_distance",
         title: "Distance to the wall",
-        key: Some('j'),
+        key: Some('q'),
         shown: true,
         make: || Box::<WallDistance>::default(),
         ..PanelEntry::NONE
-    };
-    Program::default().panel(panel).run()
+    }
+}
+
+fn main() -> std::process::ExitCode {
+    Program::default().panel(panel()).run()
+}
+
+#[test]
+fn its_key_is_free() -> colvis::error::Result<()> {
+    Program::default().panel(panel()).check()
 }
