@@ -43,22 +43,20 @@ impl Panel for WallDistance {
     }
 }
 
-fn panel() -> PanelEntry {
-    PanelEntry {
-        name: "wall_distance",
-        title: "Distance to the wall",
-        key: Some('q'),
-        shown: true,
-        make: || Box::<WallDistance>::default(),
-        ..PanelEntry::NONE
-    }
-}
+const PANEL: PanelEntry = PanelEntry {
+    name: "wall_distance",
+    title: "Distance to the wall",
+    key: Some('q'),
+    shown: true,
+    make: || Box::<WallDistance>::default(),
+    ..PanelEntry::NONE
+};
 
 fn main() -> std::process::ExitCode {
-    Program::default().panel(panel()).run()
+    Program::default().panel(PANEL).run()
 }
 
 #[test]
 fn its_key_is_free() -> colvis::error::Result<()> {
-    Program::default().panel(panel()).check()
+    Program::default().panel(PANEL).check()
 }
