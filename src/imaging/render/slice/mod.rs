@@ -153,8 +153,8 @@ impl Slice {
         let step = grid.to_voxel().transform_vector3(self.frame.right() * self.mm_per_pixel);
         let (across, last) = (samples.across(), step * (width - 1) as f64);
         let [top, bottom] = [start(0), start(rows.len().div_ceil(width) - 1)];
-        let corners = [top, bottom].map(|left| [left, left + last]).concat();
-        let corners = corners.iter().flat_map(|c| [*c - across * 0.5, *c + across * 0.5]);
+        let corners = [top, bottom].map(|left| [left, left + last]);
+        let corners = corners.as_flattened().iter().flat_map(|c| [*c - across * 0.5, *c + across * 0.5]);
         let span = corners.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], c| [low.min(c), high.max(c)]);
         let pixels = rows.len();
         let mut sampler = Sampler::within(volume, span, pixels, &mut near.scan);
