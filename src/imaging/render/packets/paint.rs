@@ -1,6 +1,6 @@
 //! Turns light into pixels.
 
-use fearless_simd::{Simd, f32x16, i32x16, prelude::*};
+use fearless_simd::{Simd, f32x16, i32x16, prelude::*, u8x64};
 
 use super::cells::Colours;
 use super::rays::{PacketResult, SIDE};
@@ -8,6 +8,9 @@ use super::sampling::Rgb;
 use crate::render::Work;
 use crate::render::renderer::SQUARE;
 use crate::render::transfer::{PALETTE, PALETTE_HU};
+
+/// Bytes in a row of a block.
+const BYTES: usize = 3 * SIDE;
 
 /// The rows of a picture that are being filled.
 pub(crate) struct Canvas<'a> {
@@ -92,40 +95,67 @@ impl<'a> Canvas<'a> {
         );
     }
 
-    /// Fills those of sixteen blocks in a row whose bit is set like [`Canvas::blend`] does, with a lane for each block. Their light is that of
-    /// the rays of each block, in the order of the weights; the first block is at pixel `at`, and all are within the picture's width.
+    /// Fills those of sixteen smooth blocks in a row whose bit is set, with a lane for each block. `light` is the brightness and the tone of
+    /// the rays of each block, corners, then centre; the first block is at pixel `at`, and all are within the picture's width.
+    ///
+    /// A pixel's colour is a mean of its block's rays, weighted by [`WEIGHTS`](super::sampling::WEIGHTS), and is computed from its neighbour's.
+    /// No weight is below 0: where all rays can be shown, so can all pixels.
     #[inline(always)]
-    pub(crate) fn blend_row<S: Simd, const N: usize>(
-        &mut self,
-        simd: S,
-        light: &[[f32x16<S>; 2]; N],
-        weights: &[[f32; SIDE * SIDE]; N],
-        which: u16,
-        [x, y]: [usize; 2],
-    ) {
-        for v in 0..SIDE {
-            let from = (y + v - self.top) * self.width;
-            let Some(row) = self.pixels.get_mut(from + x..from + self.width) else { return };
-            // No closures: they do not inherit the level's instructions.
-            let mut pixels = [i32x16::splat(simd, 0); SIDE];
-            for (u, pixel) in pixels.iter_mut().enumerate() {
-                let (mut bright, mut tone) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 0.0));
-                for ([b, t], weights) in light.iter().zip(weights) {
-                    let weight = f32x16::splat(simd, weights[SIDE * v + u]);
-                    bright += weight * *b;
-                    tone += weight * *t;
-                }
-                *pixel = packed_lanes(simd, bright, tone);
-            }
-            let [a, b, c, d] = pixels;
-            // Four pixels are three words.
-            let words = [(a | b << 24).to_array(), ((b >> 8) | c << 16).to_array(), ((c >> 16) | d << 8).to_array()];
-            for (n, out) in row.as_flattened_mut().chunks_exact_mut(3 * SIDE).take(16).enumerate() {
-                if which >> n & 1 == 1 {
-                    for (out, words) in out.chunks_exact_mut(4).zip(&words) {
-                        out.copy_from_slice(&words[n].to_le_bytes());
+    pub(crate) fn blend_row<S: Simd>(&mut self, simd: S, light: &[[f32x16<S>; 2]; 5], which: u16, [x, y]: [usize; 2]) {
+        let mut pixels = [[i32x16::splat(simd, 0); SIDE]; SIDE];
+        for channel in [2, 1, 0] {
+            let a = shown(light[0], channel);
+            let b = shown(light[1], channel);
+            let c = shown(light[2], channel);
+            let d = shown(light[3], channel);
+            let centre = shown(light[4], channel);
+            // The first column of pixels, the change along the rows, and the tent over the centre.
+            let (mut left, down) = (a, (c - a) * 0.25);
+            let (mut across, turn) = ((b - a) * 0.25, (d - c - (b - a)) * 0.0625);
+            let bend = (centre - (a + b + c + d) * 0.25) * 0.25;
+            let (least, most) = (a.min(b).min(c.min(d)).min(centre), a.max(b).max(c.max(d)).max(centre));
+            let is_limited = (least.simd_lt(LEAST) | most.simd_gt(MOST)).any_true();
+            for (v, row) in pixels.iter_mut().enumerate() {
+                let tent = bend * [0.0, 1.0, 2.0, 1.0][v];
+                let (up, over) = (across + tent, across - tent);
+                let (second, third) = (left + up, left + up + up);
+                let mut four = [left, second, third, third + over];
+                if is_limited {
+                    let (least, most) = (f32x16::splat(simd, LEAST), f32x16::splat(simd, MOST));
+                    for value in &mut four {
+                        *value = value.max(least).min(most);
                     }
                 }
+                for (pixel, value) in row.iter_mut().zip(four) {
+                    *pixel = *pixel << 8 | value.to_int::<i32x16<S>>();
+                }
+                left += down;
+                across += turn;
+            }
+        }
+        for (v, [a, b, c, d]) in pixels.into_iter().enumerate() {
+            let from = (y + v - self.top) * self.width;
+            let Some(row) = self.pixels.get_mut(from + x..from + self.width) else { return };
+            // Block by block in turn, four pixels of each.
+            let ((even, even_high), (odd, odd_high)) = (a.interleave(c), b.interleave(d));
+            let ((p, q), (r, s)) = (even.interleave(odd), even_high.interleave(odd_high));
+            let blocks =
+                [three_of_four(simd, p), three_of_four(simd, q), three_of_four(simd, r), three_of_four(simd, s)];
+            let blocks = blocks.as_flattened().as_chunks::<16>().0;
+            let row = row.as_flattened_mut();
+            if let (u16::MAX, Some(row)) = (which, row.get_mut(..16 * BYTES)) {
+                // Each block's last four bytes are overwritten by the next one's.
+                for (n, block) in blocks[..15].iter().enumerate() {
+                    row[n * BYTES..n * BYTES + 16].copy_from_slice(block);
+                }
+                row[15 * BYTES..].copy_from_slice(&blocks[15][..BYTES]);
+                continue;
+            }
+            let mut left = which;
+            while left != 0 {
+                let n = left.trailing_zeros() as usize;
+                left &= left - 1;
+                row[n * BYTES..][..BYTES].copy_from_slice(&blocks[n][..BYTES]);
             }
         }
     }
@@ -209,6 +239,38 @@ fn byte<S: Simd>(simd: S, packed: i32x16<S>, light: f32x16<S>) -> i32x16<S> {
     (packed << 8) | c.to_int::<i32x16<S>>()
 }
 
+/// Moves the lower three bytes of four words together, in each quarter.
+#[inline(always)]
+fn three_of_four<S: Simd>(simd: S, words: i32x16<S>) -> [u8; 64] {
+    let bytes: u8x64<S> = words.bitcast();
+    bytes.swizzle_dyn_within_blocks(u8x64::load_array_ref(simd, &PICKED)).to_array()
+}
+
+/// The bytes that [`three_of_four`] picks, in each quarter.
+const PICKED: [u8; 64] = {
+    let mut picked = [15; 64];
+    let mut n = 0;
+    while n < 64 {
+        if n % 16 < 12 {
+            picked[n] = (n % 16 / 3 * 4 + n % 16 % 3) as u8;
+        }
+        n += 1;
+    }
+    picked
+};
+
+/// Returns a channel of what light is shown as, 0 to 255, with ½ added so that it is rounded where it is cut off.
+#[inline(always)]
+fn shown<S: Simd>([bright, tone]: [f32x16<S>; 2], channel: usize) -> f32x16<S> {
+    let [base, top] = PALETTE;
+    let slope = (top[channel] - base[channel]) / (PALETTE_HU[1] - PALETTE_HU[0]);
+    (bright * base[channel] + tone * slope) * 255.0 + 0.5
+}
+
+/// The least and the greatest values of [`shown`] that are shown as they are.
+const LEAST: f32 = 0.5;
+const MOST: f32 = 255.5;
+
 /// Returns red, green and blue in the lower three bytes.
 #[inline(always)]
 fn colours<S: Simd>(simd: S, bright: f32x16<S>, tone: f32x16<S>) -> [i32; SIDE * SIDE] {
@@ -225,4 +287,57 @@ fn packed_lanes<S: Simd>(simd: S, bright: f32x16<S>, tone: f32x16<S>) -> i32x16<
         packed = byte(simd, packed, bright * base[channel] + tone * slope);
     }
     packed
+}
+
+#[cfg(test)]
+mod tests {
+    use std::array::from_fn;
+
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::math::hash;
+    use crate::render::packets::levels;
+    use crate::render::packets::sampling::WEIGHTS;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        /// On every level, the blocks that are asked for are means of their rays, and no other pixel is touched.
+        #[test]
+        fn smooth_blocks_are_means_of_their_rays(seed: u64, some: u16, all: bool, left in 0usize..3, right in 0usize..9) {
+            let which = if all { u16::MAX } else { some };
+            let ray = |block: usize, n: usize| {
+                let random = |a: u64| hash::uniform(seed, (5 * block + n) as u64 * 2 + a) as f32;
+                // Some are brighter than what can be shown.
+                let bright = 1.2 * random(0) - 0.05;
+                [bright, bright * (PALETTE_HU[1] - PALETTE_HU[0]) * random(1)]
+            };
+            let (width, x) = (16 * SIDE + 4 * left + right, 4 * left);
+            for (name, level) in levels() {
+                let mut pixels = vec![[9; 3]; (SIDE + 2) * width];
+                let mut canvas = Canvas::new(&mut pixels, width, 40);
+                fearless_simd::dispatch!(level, simd => {
+                    let light: [[f32x16<_>; 2]; 5] = from_fn(|n| {
+                        [0, 1].map(|field| f32x16::load_array_ref(simd, &from_fn(|block| ray(block, n)[field])))
+                    });
+                    canvas.blend_row(simd, &light, which, [x, 41]);
+                });
+                for (n, pixel) in pixels.iter().enumerate() {
+                    let [u, v] = [(n % width).wrapping_sub(x), (n / width).wrapping_sub(1)];
+                    if u >= 16 * SIDE || v >= SIDE || which >> (u / SIDE) & 1 == 0 {
+                        prop_assert_eq!(*pixel, [9; 3], "{} pixel {}", name, n);
+                        continue;
+                    }
+                    let weight = |k: usize| WEIGHTS[k][SIDE * v + u % SIDE];
+                    for channel in 0..3 {
+                        let [base, top] = PALETTE;
+                        let slope = (top[channel] - base[channel]) / (PALETTE_HU[1] - PALETTE_HU[0]);
+                        let of = |[bright, tone]: [f32; 2]| (bright * base[channel] + tone * slope) * 255.0;
+                        let mean: f32 = (0..5).map(|k| weight(k) * of(ray(u / SIDE, k))).sum::<f32>().clamp(0.0, 255.0);
+                        prop_assert!((f32::from(pixel[channel]) - mean).abs() < 0.51, "{} pixel {}: {:?} {}", name, n, pixel, mean);
+                    }
+                }
+            }
+        }
+    }
 }

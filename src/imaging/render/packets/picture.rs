@@ -17,8 +17,6 @@ use crate::render::{Shader, View, Work};
 
 /// Rows of blocks in a band of the picture.
 const ROWS: usize = 2;
-/// Smooth blocks in a row from which on all sixteen are computed at once.
-const MANY: u32 = 4;
 /// Side of the tiles in which squares are cast, pixels.
 const TILE: usize = SIDE * BLOCK;
 
@@ -177,7 +175,7 @@ pub(crate) fn needed(
             on_level!(level, simd => {
                 for first in (0..blocks).step_by(LANES) {
                     let verdicts: [_; ROWS] = from_fn(|row| samples.judge(simd, [first, n * ROWS + row.min(rows - 1)], side));
-                    // Most blocks are smooth: whole rows of them take less time.
+                    // Most blocks are smooth: sixteen of them take little longer than one.
                     let whole = match (width / BLOCK).saturating_sub(first) {
                         some @ 0..LANES => (1 << some) - 1,
                         _ => u16::MAX,
@@ -185,7 +183,7 @@ pub(crate) fn needed(
                     let mut filled = [0; ROWS];
                     for (row, verdict) in verdicts.iter().enumerate().take(rows) {
                         let which = verdict.smooth & whole;
-                        if which.count_ones() >= MANY && !samples.has_colours() {
+                        if which != 0 && !samples.has_colours() {
                             let block = [first, n * ROWS + row];
                             band.smooth_row(simd, samples, block, which, block.map(|b| b * BLOCK));
                             filled[row] = which;

@@ -98,7 +98,7 @@ impl<'a, 'b> Band<'a, 'b> {
     ) {
         simd.vectorize(
             #[inline(always)]
-            || self.canvas.blend_row(simd, &samples.lights(simd, block), &WEIGHTS, which, at),
+            || self.canvas.blend_row(simd, &samples.lights(simd, block), which, at),
         );
     }
 

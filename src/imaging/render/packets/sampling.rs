@@ -310,7 +310,7 @@ impl ImageSamples {
             let (corners, centres, stride) = (&self.corners, &self.centres, self.stride);
             let a = corners.field(simd, stride, [x, y], field);
             if !exists {
-                rows.spread(false, [to, field], x, &a.to_array(), None);
+                rows.spread(false, [to, field], x, a, a);
                 continue;
             }
             let b = corners.field(simd, stride, [x + 1, y], field);
@@ -332,12 +332,11 @@ impl ImageSamples {
             if x == 0 {
                 left = [shifted(simd, left[0]), shifted(simd, left[1]), shifted(simd, left[2])];
             }
-            let all = predicted([a, b, c, d, e], above, left);
-            let [top, side, q0, q1, q2, q3] = all.map(|v| v.to_array());
-            rows.spread(false, [to, field], x, &a.to_array(), Some(&top));
-            rows.spread(false, [to + 1, field], x, &side, Some(&e.to_array()));
-            rows.spread(true, [to, field], x, &q0, Some(&q1));
-            rows.spread(true, [to + 1, field], x, &q2, Some(&q3));
+            let [top, side, q0, q1, q2, q3] = predicted([a, b, c, d, e], above, left);
+            rows.spread(false, [to, field], x, a, top);
+            rows.spread(false, [to + 1, field], x, side, e);
+            rows.spread(true, [to, field], x, q0, q1);
+            rows.spread(true, [to + 1, field], x, q2, q3);
         }
     }
 
@@ -406,13 +405,20 @@ impl Rows<'_> {
     /// Writes values of blocks twice as wide, from the `x`th of these on, into the even and the odd places of a row and field of the
     /// corners or the centres.
     #[inline(always)]
-    fn spread(&mut self, centres: bool, [row, field]: [usize; 2], x: usize, even: &[f32; 16], odd: Option<&[f32; 16]>) {
+    fn spread<S: Simd>(&mut self, centres: bool, [row, field]: [usize; 2], x: usize, even: f32x16<S>, odd: f32x16<S>) {
         let points = if centres { &mut *self.centres } else { &mut *self.corners };
         let from = self.stride * (self.fields * row + field);
         let Some(out) = points.get_mut(from + 2 * x..from + self.stride) else { return };
-        let odd = odd.unwrap_or(even);
-        for ((two, even), odd) in out.chunks_exact_mut(2).zip(even).zip(odd) {
-            (two[0], two[1]) = (*even, *odd);
+        let (low, high) = even.interleave(odd);
+        if let Some((first, rest)) = out.split_at_mut_checked(LANES)
+            && rest.len() >= LANES
+        {
+            low.store_slice(first);
+            high.store_slice(&mut rest[..LANES]);
+        } else {
+            for (out, value) in out.iter_mut().zip(low.to_array().into_iter().chain(high.to_array())) {
+                *out = value;
+            }
         }
     }
 
