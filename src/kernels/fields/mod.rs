@@ -16,6 +16,7 @@ pub mod matching;
 mod neighbours;
 mod sample;
 mod target;
+mod values;
 pub mod voxels;
 #[doc(hidden)]
 pub mod wall;
@@ -28,3 +29,4 @@ pub use distance::{Through, WallDistance};
 pub use lumen::Lumen;
 pub use sample::{Distance, Sample};
 pub use target::{BodyClearance, TargetDistance};
+use values::Values;

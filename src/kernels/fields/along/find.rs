@@ -9,7 +9,7 @@ use super::model::{Along, Line};
 use crate::error::Result;
 use crate::fields::centerline::{self, Cells, Centerline, End, NearestOnLines};
 use crate::fields::lumen::{self, AsScanned, Lumen};
-use crate::fields::{Through, WallDistance, connection};
+use crate::fields::{Through, Values, WallDistance, connection};
 use crate::progress::Progress;
 use crate::volume::Volume;
 
@@ -43,14 +43,16 @@ impl Lumen {
 impl AsScanned {
     /// Returns the measure, given the cleansed scan.
     fn along(&self, volume: &Volume, progress: &Progress) -> Result<Arc<Along>> {
-        if let Some(known) = self.lumen.as_ref().and_then(|l| l.along.get().cloned()) {
-            return Ok(known);
+        let changes = &self.cleansed.changes;
+        let Some(lumen) = &self.lumen else {
+            let volume = changes.applied(volume);
+            return lumen::find_told(&volume, &self.told, progress)?.along(&volume, progress);
+        };
+        if let Some(known) = lumen.along.get() {
+            return Ok(Arc::clone(known));
         }
-        let volume = self.cleansed.changes.applied(volume);
-        match &self.lumen {
-            Some(lumen) => lumen.along(&volume, progress),
-            None => lumen::find_told(&volume, &self.told, progress)?.along(&volume, progress),
-        }
+        let found = Along::of_values(&Values::before(volume, changes), lumen, progress)?;
+        Ok(Arc::clone(lumen.along.get_or_init(|| Arc::new(found))))
     }
 }
 
@@ -84,14 +86,18 @@ impl Along {
     /// # Errors
     /// Returns status 4 if interrupted, status 3 if there are more voxels than can be numbered.
     pub fn new(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Self> {
+        Self::of_values(&Values::of(volume), lumen, progress)
+    }
+
+    fn of_values(values: &Values<'_>, lumen: &Lumen, progress: &Progress) -> Result<Self> {
         if lumen.segments.is_empty() {
             return Ok(Self::default());
         }
-        let walls = WallDistance::of_lumen(volume, lumen, Through::GasAndFluid, progress)?;
+        let walls = WallDistance::of_values(values, lumen, Through::GasAndFluid, progress)?;
         let mut cells = Cells::of(&walls, 0.0, progress)?;
         let all = 0..lumen.segments.len();
         let whole = if lumen.ordered {
-            let guesses = || connection::guesses(volume, lumen, all.clone(), progress);
+            let guesses = || connection::guesses_in(values, lumen, all.clone(), progress);
             let ends = [lumen.segments[0].ends[0], lumen.segments[all.end - 1].ends[1]].map(End::Tip);
             match centerline::over_cells(&walls, &mut cells, ends, guesses, progress) {
                 Ok(line) => Some(line),

@@ -95,7 +95,13 @@ impl Changes {
 
     /// Returns the value of a voxel (linear index), HU, if there is one.
     pub fn get(&self, voxel: usize) -> Option<i16> {
-        let run = self.runs.partition_point(|r| r.0 <= voxel).checked_sub(1)?;
+        self.get_among(0..self.runs.len(), voxel)
+    }
+
+    /// Like [`Changes::get`]; the run that holds the voxel, if there is one, is among those given by number.
+    #[inline]
+    pub(in crate::fields) fn get_among(&self, runs: Range<usize>, voxel: usize) -> Option<i16> {
+        let run = (runs.start + self.runs[runs].partition_point(|r| r.0 <= voxel)).checked_sub(1)?;
         let (first, at) = self.runs[run];
         let end = self.runs.get(run + 1).map_or(self.values.len(), |next| next.1);
         self.values[at..end].get(voxel - first).copied()

@@ -19,6 +19,7 @@ use glam::DVec3;
 use super::centerline::{length, smoothed, spaced};
 use super::lumen::{Lumen, Segment};
 use crate::error::Result;
+use crate::fields::Values;
 use crate::progress::Progress;
 use crate::volume::Volume;
 use tissue::Costs;
@@ -159,13 +160,13 @@ impl Connection {
         if first == last {
             return Ok(None);
         }
-        let chain = chain(lumen, first, last);
+        let (chain, values) = (chain(lumen, first, last), Values::of(volume));
         let mut stretches: Vec<Stretch> = Vec::new();
         let mut entry = start;
         for (n, &(segment, forwards)) in chain.iter().enumerate() {
             let next = chain.get(n + 1);
             let gap = match next {
-                Some(&(next, onwards)) => across(volume, lumen, [(segment, forwards), (next, !onwards)], progress)?,
+                Some(&(next, onwards)) => across(&values, lumen, [(segment, forwards), (next, !onwards)], progress)?,
                 None => Vec::new(),
             };
             let exit =
@@ -210,12 +211,22 @@ pub fn guesses(
     which: std::ops::Range<usize>,
     progress: &Progress,
 ) -> Result<Vec<Vec<DVec3>>> {
+    guesses_in(&Values::of(volume), lumen, which, progress)
+}
+
+/// Same as [`guesses`], for a lumen found in a volume with these values.
+pub(in crate::fields) fn guesses_in(
+    values: &Values<'_>,
+    lumen: &Lumen,
+    which: std::ops::Range<usize>,
+    progress: &Progress,
+) -> Result<Vec<Vec<DVec3>>> {
     if !lumen.ordered {
         return Ok(Vec::new());
     }
     let mut out = Vec::new();
     for n in which.start..which.end.saturating_sub(1) {
-        let gap = across(volume, lumen, [(n, true), (n + 1, false)], progress)?;
+        let gap = across(values, lumen, [(n, true), (n + 1, false)], progress)?;
         let collapsed = |s: &Stretch| s.kind == StretchKind::Collapsed;
         let guess = match (gap.iter().position(collapsed), gap.iter().rposition(collapsed)) {
             (Some(a), Some(b)) => gap[a..=b].iter().flat_map(|s| &s.points).copied().collect(),
@@ -260,9 +271,9 @@ fn through(segment: &Segment, number: usize, forwards: bool, entry: Option<DVec3
 }
 
 /// Returns the stretches between two segments, each given with whether its cecal end faces the gap.
-fn across(volume: &Volume, lumen: &Lumen, ends: [(usize, bool); 2], progress: &Progress) -> Result<Vec<Stretch>> {
+fn across(values: &Values<'_>, lumen: &Lumen, ends: [(usize, bool); 2], progress: &Progress) -> Result<Vec<Stretch>> {
     let [Some(a), Some(b)] = ends.map(|(n, is_last)| Facing::of(lumen, n, is_last)) else { return Ok(Vec::new()) };
-    let points = match cheapest(volume, lumen, [a, b], progress)? {
+    let points = match cheapest(values, lumen, [a, b], progress)? {
         Some(points) => points,
         None if a.at.is_finite() && b.at.is_finite() => spaced(&[a.at, b.at], STEP_MM),
         None => return Ok(Vec::new()),
@@ -271,9 +282,14 @@ fn across(volume: &Volume, lumen: &Lumen, ends: [(usize, bool); 2], progress: &P
 }
 
 /// Returns the cheapest way between the ends of two segments, world, mm; `None` if one is outside the scan or no position.
-fn cheapest(volume: &Volume, lumen: &Lumen, ends: [Facing<'_>; 2], progress: &Progress) -> Result<Option<Vec<DVec3>>> {
+fn cheapest(
+    values: &Values<'_>,
+    lumen: &Lumen,
+    ends: [Facing<'_>; 2],
+    progress: &Progress,
+) -> Result<Option<Vec<DVec3>>> {
     progress.stage("connecting the segments", 0);
-    let Some(costs) = Costs::between(volume, lumen, ends, progress)? else { return Ok(None) };
+    let Some(costs) = Costs::between(values, lumen, ends, progress)? else { return Ok(None) };
     let [start, goal] = ends.map(|e| costs.nearest(e.at));
     let way = path::cheapest(&costs, start, goal, progress)?;
     let inner = way.iter().skip(1).take(way.len().saturating_sub(2)).map(|&n| costs.place(n));

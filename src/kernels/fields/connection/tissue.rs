@@ -9,10 +9,11 @@ use rayon::prelude::*;
 
 use super::Facing;
 use crate::error::Result;
+use crate::fields::Values;
 use crate::fields::lumen::Lumen;
 use crate::fields::lumen::runs::Rows;
 use crate::progress::Progress;
-use crate::volume::{Grid, Volume};
+use crate::volume::Grid;
 
 /// Side of a block, mm, at least; small against a collapsed colon, which is 10 to 20 mm thick.
 const BLOCK_MM: f64 = 2.0;
@@ -134,12 +135,12 @@ impl Costs {
     /// If tagged fluid joins the two, no tissue is between them, and all of it is closed: a way must not cut through a fold in the
     /// pool.
     pub(super) fn between(
-        volume: &Volume,
+        values: &Values<'_>,
         lumen: &Lumen,
         ends: [Facing<'_>; 2],
         progress: &Progress,
     ) -> Result<Option<Self>> {
-        let grid = volume.grid();
+        let grid = values.grid();
         let Some(part) = Part::around(grid, ends.map(|e| e.at)) else { return Ok(None) };
         let dims = part.dims();
         let middle = |a: usize| part.low[a] as f64 + 0.5 * (part.block[a] as f64 - 1.0);
@@ -149,7 +150,7 @@ impl Costs {
         let mut costs = Self { dims, cost: Vec::new(), steps, first, to_block, beside: beside(dims, steps) };
         let layer = |layer: usize| {
             progress.check()?;
-            let counts = counted(volume, lumen, ends, part, layer);
+            let counts = counted(values, lumen, ends, part, layer);
             let from = layer * counts.len();
             Ok(counts.iter().enumerate().map(|(n, c)| costs.block(from + n, c, ends)).collect())
         };
@@ -335,8 +336,8 @@ fn by_value(hu: f64) -> f64 {
 }
 
 /// Counts the voxels of the blocks of a layer.
-fn counted(volume: &Volume, lumen: &Lumen, ends: [Facing<'_>; 2], part: Part, layer: usize) -> Vec<Count> {
-    let grid = volume.grid();
+fn counted(values: &Values<'_>, lumen: &Lumen, ends: [Facing<'_>; 2], part: Part, layer: usize) -> Vec<Count> {
+    let grid = values.grid();
     let [nx, ny, _] = part.dims();
     let mut counts = vec![Count::default(); nx * ny];
     let slices = layer * part.block[2]..((layer + 1) * part.block[2]).min(part.size[2]);
@@ -360,9 +361,9 @@ fn counted(volume: &Volume, lumen: &Lumen, ends: [Facing<'_>; 2], part: Part, la
             fill(lumen.gas(), &|label| own(label).map_or(4, |n| n as u8 + 1));
             fill(lumen.fluid(), &|_| 3);
             let from = grid.index(part.low[0], y, k);
-            let values = &volume.data()[from..from + part.size[0]];
+            let hu = values.row(from, part.size[0]);
             let start = nx * (j / part.block[1]);
-            for (i, (&what, &hu)) in row.iter().zip(values).enumerate() {
+            for (i, (&what, &hu)) in row.iter().zip(&*hu).enumerate() {
                 let c = &mut counts[start + i / part.block[0]];
                 c.voxels += 1;
                 match what {

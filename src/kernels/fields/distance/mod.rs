@@ -27,7 +27,7 @@ use glam::DVec3;
 
 use super::clearance::smallest_singular_value;
 use super::voxels::{VoxelBits, VoxelSet};
-use super::{Clearance, Clearances, Distance, Sample};
+use super::{Clearance, Clearances, Distance, Sample, Values};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
@@ -73,7 +73,7 @@ impl WallDistance {
     fn build(
         grid: &Grid,
         inside: &VoxelBits,
-        hu: Option<(&[i16], i16)>,
+        hu: Option<(&Values<'_>, i16)>,
         shell: usize,
         progress: &Progress,
     ) -> Result<Self> {

@@ -2,6 +2,7 @@
 
 use super::{SHELL, Through, WallDistance};
 use crate::error::Result;
+use crate::fields::Values;
 use crate::fields::lumen::{GAS_HU, Lumen};
 use crate::fields::voxels::VoxelBits;
 use crate::progress::Progress;
@@ -13,10 +14,20 @@ impl WallDistance {
     /// # Errors
     /// Returns status 4 when interrupted, status 3 if there are more voxels than can be numbered.
     pub fn of_lumen(volume: &Volume, lumen: &Lumen, through: Through, progress: &Progress) -> Result<Self> {
+        Self::of_values(&Values::of(volume), lumen, through, progress)
+    }
+
+    /// Same as [`WallDistance::of_lumen`], of a lumen found in a volume with these values.
+    pub(in crate::fields) fn of_values(
+        values: &Values<'_>,
+        lumen: &Lumen,
+        through: Through,
+        progress: &Progress,
+    ) -> Result<Self> {
         let fluid = (through == Through::GasAndFluid).then(|| lumen.fluid().iter());
         let runs = lumen.gas().iter().chain(fluid.into_iter().flatten()).map(|(j, k, r)| (j, k, r.range()));
-        let inside = VoxelBits::from_runs(volume.grid().dims(), runs);
-        Self::build(volume.grid(), &inside, Some((volume.data(), GAS_HU)), SHELL, progress)
+        let inside = VoxelBits::from_runs(values.grid().dims(), runs);
+        Self::build(values.grid(), &inside, Some((values, GAS_HU)), SHELL, progress)
     }
 
     /// Same as [`WallDistance::of_lumen`] for gas and fluid, plus distances outside (in the shell, negative) up to at
@@ -32,6 +43,6 @@ impl WallDistance {
         let inverse = grid.to_voxel().matrix3.transpose();
         let reach = [0, 1, 2].map(|a| (inverse.col(a).length() * reach_mm).ceil() as usize);
         let shell = reach.into_iter().max().unwrap_or(0) + SHELL;
-        Self::build(grid, &inside, Some((volume.data(), GAS_HU)), shell, progress)
+        Self::build(grid, &inside, Some((&Values::of(volume), GAS_HU)), shell, progress)
     }
 }

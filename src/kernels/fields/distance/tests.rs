@@ -23,7 +23,7 @@ fn volume(grid: Grid, hu: impl Fn(DVec3) -> f64) -> Volume {
 /// Takes all gas of a volume as the lumen.
 fn of_gas(v: &Volume) -> WallDistance {
     let inside = VoxelBits::from_fn(v.grid().dims(), |n| v.data()[n] <= GAS_HU);
-    WallDistance::build(v.grid(), &inside, Some((v.data(), GAS_HU)), SHELL, &Progress::new()).unwrap()
+    WallDistance::build(v.grid(), &inside, Some((&Values::of(v), GAS_HU)), SHELL, &Progress::new()).unwrap()
 }
 
 /// Returns every crossing of a grid edge and every gas voxel on the border, in mm along the axes.

@@ -20,6 +20,7 @@ use rayon::prelude::*;
 
 use super::envelope::Envelope;
 use crate::error::Result;
+use crate::fields::Values;
 use crate::fields::voxels::{VoxelBits, VoxelSet, each_bit, each_run};
 use crate::progress::Progress;
 
@@ -32,7 +33,7 @@ pub(super) struct Walls<'a> {
     /// The voxels on the inner side of the wall.
     pub inside: &'a VoxelBits,
     /// The values that locate the wall between two voxels, HU, and its iso value. Without them the wall is half-way.
-    pub hu: Option<(&'a [i16], i16)>,
+    pub hu: Option<(&'a Values<'a>, i16)>,
 }
 
 impl Walls<'_> {
@@ -40,7 +41,7 @@ impl Walls<'_> {
     #[inline]
     fn fraction(&self, inside: usize, outside: usize) -> f32 {
         let Some((hu, iso)) = self.hu else { return 0.5 };
-        let (a, b, iso) = (f32::from(hu[inside]), f32::from(hu[outside]), f32::from(iso));
+        let (a, b, iso) = (f32::from(hu.at(inside)), f32::from(hu.at(outside)), f32::from(iso));
         if a <= iso && b > iso { (iso - a) / (b - a) } else { 0.5 }
     }
 
