@@ -81,7 +81,7 @@ pub fn around(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Wal
                 let mut n = walls.set().row_start(j, k);
                 super::voxels::each_run(walls.set().row(j, k), |run| {
                     for i in run {
-                        let far = -f64::from(walls.values()[n]);
+                        let far = -f64::from(walls.value(n));
                         n += 1;
                         if far <= 0.0 || far > REACH_MM {
                             continue;

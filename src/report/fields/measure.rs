@@ -77,8 +77,8 @@ pub(super) fn measure(
     let (walls, seconds, megabytes) = timed(|| WallDistance::of_lumen(volume, &lumen, Through::GasAndFluid, progress));
     let walls = walls?;
     let probes = phantom.map(|p| probes(&walls, p)).unwrap_or_default();
-    let against = |values: &[f32]| {
-        let errors: Vec<f64> = probes.iter().map(|&(n, truth)| (f64::from(values[n]) - truth).abs()).collect();
+    let against = |value: &dyn Fn(usize) -> f32| {
+        let errors: Vec<f64> = probes.iter().map(|&(n, truth)| (f64::from(value(n)) - truth).abs()).collect();
         Some(mean(&errors)).filter(|_| !errors.is_empty())
     };
     let mut distances = vec![DistanceLine {
@@ -87,18 +87,18 @@ pub(super) fn measure(
         megabytes,
         mean_mm: 0.0,
         max_mm: 0.0,
-        wall_mm: against(walls.values()),
+        wall_mm: against(&|n| walls.value(n)),
     }];
     for (method, kind) in DISTANCES.into_iter().skip(1).zip([Cheap::Chamfer, Cheap::Chessboard]) {
         progress.check()?;
         let (values, seconds, megabytes) = timed(|| compare::distances(&walls, kind));
-        let inside = walls.values().iter().zip(&values).filter(|(d, _)| **d >= 0.0);
+        let inside = walls.values().zip(&values).filter(|(d, _)| *d >= 0.0);
         let (mut sum, mut max_mm, mut count) = (0.0, 0.0f64, 0.0f64);
         for (d, v) in inside {
             let error = f64::from((v - d).abs());
             (sum, max_mm, count) = (sum + error, max_mm.max(error), count + 1.0);
         }
-        let wall_mm = against(&values);
+        let wall_mm = against(&|n| values[n]);
         distances.push(DistanceLine { method, seconds, megabytes, mean_mm: sum / count.max(1.0), max_mm, wall_mm });
     }
     let ends = lumen.segments[largest].ends;
@@ -157,7 +157,7 @@ fn probes(walls: &WallDistance, phantom: &Phantom) -> Vec<(usize, f64)> {
     (0..)
         .map(|n| (hash::uniform(17, n) * count as f64) as usize)
         .take(40 * PROBES)
-        .filter(|&n| (0.0..WALL_MM as f32 + 0.5).contains(&walls.values()[n]))
+        .filter(|&n| (0.0..WALL_MM as f32 + 0.5).contains(&walls.value(n)))
         .map(|n| (n, -phantom.wall(walls.world(walls.set().voxel(n)))))
         .filter(|p| (0.0..WALL_MM).contains(&p.1))
         .take(PROBES)

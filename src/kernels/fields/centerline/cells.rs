@@ -382,7 +382,7 @@ fn nodes_of(walls: &WallDistance, shape: &Shape, dims: [usize; 3], layer: usize)
             for (w, &word) in set.row(j, k).iter().enumerate() {
                 each_bit(word, |b| {
                     let x = 64 * w + b;
-                    if walls.values()[number] >= 0.0 {
+                    if walls.value(number) >= 0.0 {
                         masks[row + x / shape.side[0]] |= 1 << (bit + x % shape.side[0]);
                     }
                     number += 1;

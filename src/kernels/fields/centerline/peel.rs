@@ -41,7 +41,7 @@ pub(super) fn peeled(
     let mut skin = Vec::new();
     walls.set().for_each(|n, v| {
         let v = v.map(|x| x as i64);
-        if walls.values()[n] >= 0.0 && left.around(v) & tables.faces != tables.faces {
+        if walls.value(n) >= 0.0 && left.around(v) & tables.faces != tables.faces {
             skin.push(v);
         }
     });
@@ -118,7 +118,7 @@ impl Left {
         let words = (nx + 2).div_ceil(64);
         let mut left = Self { words, rows: ny + 2, bits: vec![0; words * (ny + 2) * (nz + 2)] };
         walls.set().for_each(|n, v| {
-            if walls.values()[n] >= 0.0 {
+            if walls.value(n) >= 0.0 {
                 let (word, bit) = left.place(v.map(|x| x as i64));
                 left.bits[word] |= bit;
             }

@@ -113,7 +113,7 @@ fn contacts(walls: &WallDistance, owner: &[u32], progress: &Progress) -> Result<
                 continue;
             };
             // Distances are not negative here, so their bits have the same order. The largest comes first.
-            let rank = !walls.values()[n].min(walls.values()[m]).to_bits();
+            let rank = !walls.value(n).min(walls.value(m)).to_bits();
             all.push(((owner[n], owner[m], n as u32, m as u32), rank));
             all.push(((owner[m], owner[n], m as u32, n as u32), rank));
         }
@@ -154,7 +154,7 @@ fn balls(walls: &WallDistance, ends: [[i64; 3]; 2], progress: &Progress) -> Resu
             progress.advance(EVERY as u64)?;
         }
         n = (n + stride) % count;
-        if owner[n] != NOBODY || walls.values()[n] < 0.0 {
+        if owner[n] != NOBODY || walls.value(n) < 0.0 {
             continue;
         }
         let sample = walls.set().voxel(n);

@@ -182,7 +182,7 @@ proptest! {
         });
         let inside: Vec<[i64; 3]> = {
             let mut out = Vec::new();
-            walls.set().for_each(|n, v| if walls.values()[n] >= 0.0 { out.push(v.map(|x| x as i64)) });
+            walls.set().for_each(|n, v| if walls.value(n) >= 0.0 { out.push(v.map(|x| x as i64)) });
             out
         };
         let (a, b) = (inside[0], inside[inside.len() - 1]);

@@ -32,7 +32,7 @@ pub fn distances(walls: &WallDistance, kind: Cheap) -> Vec<f32> {
         Cheap::Chamfer => 0.5 * spacing[a],
         Cheap::Chessboard => 0.5 * unit,
     } as f32;
-    let mut out: Vec<f32> = walls.values().iter().map(|&v| if v >= 0.0 { f32::INFINITY } else { 0.0 }).collect();
+    let mut out: Vec<f32> = walls.values().map(|v| if v >= 0.0 { f32::INFINITY } else { 0.0 }).collect();
     // Next to the wall: half a voxel along the axis that leads out.
     set.for_each(|n, v| {
         let v = v.map(|x| x as i64);
@@ -52,7 +52,7 @@ pub fn distances(walls: &WallDistance, kind: Cheap) -> Vec<f32> {
         for &(d, step) in &before {
             let from = [v[0] + sign * d[0], v[1] + sign * d[1], v[2] + sign * d[2]];
             // A neighbour outside is not on the wall; the wall is before it.
-            if let Some(m) = set.number(from).filter(|&m| walls.values()[m] >= 0.0) {
+            if let Some(m) = set.number(from).filter(|&m| walls.value(m) >= 0.0) {
                 out[n] = out[n].min(out[m] + step);
             }
         }
@@ -60,7 +60,7 @@ pub fn distances(walls: &WallDistance, kind: Cheap) -> Vec<f32> {
     let mut voxels = Vec::with_capacity(set.len());
     set.for_each(|n, v| {
         let v = v.map(|x| x as i64);
-        if walls.values()[n] >= 0.0 {
+        if walls.value(n) >= 0.0 {
             relax(&mut out, n, v, 1);
             voxels.push((n as u32, v.map(|x| x as i32)));
         }
@@ -92,7 +92,7 @@ mod tests {
                 for kind in [Cheap::Chamfer, Cheap::Chessboard] {
                     let found = distances(&walls, kind);
                     walls.set().for_each(|n, v| {
-                        if walls.values()[n] < 0.0 {
+                        if walls.value(n) < 0.0 {
                             return;
                         }
                         let unit = if kind == Cheap::Chamfer { spacing } else { DVec3::splat(spacing.min_element()) };

@@ -15,6 +15,7 @@
 //! merged at once: its scan along z reads bits, not values. Kept whole, it would be the largest part of a flight's memory at its peak.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 
@@ -316,11 +317,11 @@ impl Envelope {
 }
 
 /// Values of the members in each row of a plane.
-type PlaneRows<'v> = Vec<&'v mut [f32]>;
+type PlaneRows<'v> = Vec<&'v mut [i16]>;
 
 /// Splits the values of the slices `ks` of `set` into the rows of slices (fixed k) or of layers (fixed j), so that different threads can
 /// write them.
-fn planes<'v>(set: &VoxelSet, ks: Range<usize>, mut values: &'v mut [f32], axis: usize) -> Vec<PlaneRows<'v>> {
+fn planes<'v>(set: &VoxelSet, ks: Range<usize>, mut values: &'v mut [i16], axis: usize) -> Vec<PlaneRows<'v>> {
     let [_, ny, _] = set.dims();
     let (count, each) = if axis == 1 { (ks.len(), ny) } else { (ny, ks.len()) };
     let mut out: Vec<PlaneRows> = (0..count).map(|_| Vec::with_capacity(each)).collect();
@@ -336,7 +337,7 @@ fn planes<'v>(set: &VoxelSet, ks: Range<usize>, mut values: &'v mut [f32], axis:
 }
 
 /// Splits the values of `set` by some slices at a time.
-fn slabs<'v>(set: &VoxelSet, mut values: &'v mut [f32]) -> Vec<(Range<usize>, &'v mut [f32])> {
+fn slabs<'v>(set: &VoxelSet, mut values: &'v mut [i16]) -> Vec<(Range<usize>, &'v mut [i16])> {
     let nz = set.dims()[2];
     let mut out = Vec::with_capacity(nz.div_ceil(SLICES));
     for begin in (0..nz).step_by(SLICES) {
@@ -348,32 +349,34 @@ fn slabs<'v>(set: &VoxelSet, mut values: &'v mut [f32]) -> Vec<(Range<usize>, &'
     out
 }
 
-/// Spreads the members' values over the window.
-fn spread(set: &VoxelSet, lines: &Lines, window: &Window, rows: &[&mut [f32]], out: &mut Vec<f32>) {
+/// Spreads the members' squares over the window.
+fn spread(unit: Unit, set: &VoxelSet, lines: &Lines, window: &Window, rows: &[&mut [i16]], out: &mut Vec<f32>) {
     out.clear();
     out.resize(window.len(), f32::INFINITY);
     for (n, line) in window.lines.clone().zip(out.chunks_exact_mut(window.width())) {
         let mut at = 0;
         each_run(lines.row(set.bits(), n), |r| {
-            line[r.start - window.xs.start..r.end - window.xs.start].copy_from_slice(&rows[n][at..at + r.len()]);
+            let line = &mut line[r.start - window.xs.start..r.end - window.xs.start];
+            line.iter_mut().zip(&rows[n][at..]).for_each(|(square, &packed)| *square = unit.square(packed));
             at += r.len();
         });
     }
 }
 
-/// Collects the members' values of the lines `part` from the window; `rows` are those of the lines from `first` on.
+/// Collects the members' squares of the lines `part` from the window; `rows` are those of the lines from `first` on.
 fn collect(
+    unit: Unit,
     set: &VoxelSet,
     lines: &Lines,
     (window, part): (&Window, &Range<usize>),
     values: &[f32],
-    (first, rows): (usize, &mut [&mut [f32]]),
+    (first, rows): (usize, &mut [&mut [i16]]),
 ) {
     for (n, line) in part.clone().zip(values.chunks_exact(window.width())) {
         let mut at = 0;
         each_run(lines.row(set.bits(), n), |r| {
-            rows[n - first][at..at + r.len()]
-                .copy_from_slice(&line[r.start - window.xs.start..r.end - window.xs.start]);
+            let line = &line[r.start - window.xs.start..r.end - window.xs.start];
+            rows[n - first][at..].iter_mut().zip(line).for_each(|(packed, &square)| *packed = unit.packed(square));
             at += r.len();
         });
     }
@@ -382,6 +385,7 @@ fn collect(
 /// Scratch memory for one slice: squares by family of sources.
 #[derive(Debug, Default)]
 struct Slice {
+    unit: Unit,
     x: Vec<f32>,
     y: Vec<f32>,
     z: Vec<f32>,
@@ -398,14 +402,14 @@ impl Slice {
         asked: &VoxelSet,
         (lines, window): (&Lines, &Window),
         spacing: [f32; 3],
-        within: &mut [&mut [f32]],
+        within: &mut [&mut [i16]],
     ) {
         self.scan(walls, asked, (lines, window), spacing);
         let Self { x, y, envelope, .. } = self;
         envelope.along_rows(asked, lines, window, spacing[0] * spacing[0], y);
         envelope.across(asked, lines, window, spacing[1] * spacing[1], x);
         x.iter_mut().zip(&*y).for_each(|(x, &y)| *x = x.min(y));
-        collect(asked, lines, (window, &window.lines), x, (0, within));
+        collect(self.unit, asked, lines, (window, &window.lines), &self.x, (0, within));
     }
 
     /// Replaces the scan along z in `across` by Py(Px(fz²)), or the plane through the crossings near a voxel where that is nearer.
@@ -415,10 +419,10 @@ impl Slice {
         asked: &VoxelSet,
         (lines, window): (&Lines, &Window),
         spacing: [f32; 3],
-        across: &mut [&mut [f32]],
+        across: &mut [&mut [i16]],
     ) {
         let squares = spacing.map(|s| s * s);
-        spread(asked, lines, window, across, &mut self.z);
+        spread(self.unit, asked, lines, window, across, &mut self.z);
         self.plane.clear();
         if walls.hu.is_some() {
             self.scan(walls, asked, (lines, window), spacing);
@@ -430,7 +434,7 @@ impl Slice {
         envelope.along_rows(asked, lines, window, squares[0], z);
         envelope.across(asked, lines, window, squares[1], z);
         z.iter_mut().zip(&*plane).for_each(|(z, &p)| *z = z.min(p));
-        collect(asked, lines, (window, &window.lines), z, (0, across));
+        collect(self.unit, asked, lines, (window, &window.lines), &self.z, (0, across));
     }
 
     /// Fills `x` and `y` with the scans along x and y.
@@ -458,23 +462,71 @@ fn tangent(f: [f32; 3], squares: [f32; 3]) -> f32 {
     if count > 1 { 1.0 / sum } else { f32::INFINITY }
 }
 
-/// Returns the distances (mm) of the voxels of `asked` to the nearest crossing, in their order: negative for those
-/// outside, and `most` (mm) if there is no crossing. Spacing is in mm; distances are multiplied by `scale`.
+/// What distances are counted in while they are found, mm. Between the passes and in the end they take 16 bits a voxel: half a field's memory.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Unit(f32);
+
+/// The unit for all lumens but those that are 128 mm wide somewhere, mm.
+const FINE: f32 = 1.0 / 1024.0;
+/// What is not known yet, or farther than can be counted.
+const FAR: u16 = u16::MAX;
+
+impl Unit {
+    /// Packs a squared distance, mm².
+    #[inline]
+    fn packed(self, square: f32) -> i16 {
+        // `as` saturates.
+        (square.sqrt() / self.0 + 0.5) as u16 as i16
+    }
+
+    /// Returns the squared distance that was packed, mm².
+    #[inline]
+    fn square(self, packed: i16) -> f32 {
+        let packed = packed as u16;
+        let d = f32::from(packed) * self.0;
+        if packed == FAR { f32::INFINITY } else { d * d }
+    }
+}
+
+/// Returns the distances of the voxels of `asked` to the nearest crossing, in their order: negative for those outside, and `most` (mm) if there
+/// is no crossing. They are multiplied by `scale`, and counted in the unit that is returned with them, mm: 1/512 mm, unless the lumen is
+/// so wide that these are too many. Spacing is in mm.
 pub(super) fn distances(
     walls: &Walls,
     asked: &VoxelSet,
     spacing: [f64; 3],
     (scale, most): (f64, f64),
     progress: &Progress,
-) -> Result<Vec<f32>> {
+) -> Result<(Vec<i16>, f32)> {
+    let (scale, most) = (scale as f32, most as f32);
+    let fine = f32::from(FAR) * FINE;
+    if let Some(found) = in_unit(Unit(FINE), walls, asked, spacing, (scale, most.min(fine)), most > fine, progress)? {
+        return Ok((found, 2.0 * FINE));
+    }
+    let unit = most / f32::from(FAR);
+    let found = in_unit(Unit(unit), walls, asked, spacing, (scale, most), false, progress)?;
+    Ok((found.unwrap_or_default(), 2.0 * unit))
+}
+
+/// Does what [`distances`] does, counted in twice a unit. `None` if `may_fail` and one is farther than all that can be counted.
+fn in_unit(
+    unit: Unit,
+    walls: &Walls,
+    asked: &VoxelSet,
+    spacing: [f64; 3],
+    (scale, most): (f32, f32),
+    may_fail: bool,
+    progress: &Progress,
+) -> Result<Option<Vec<i16>>> {
     let dims = asked.dims();
     let spacing = spacing.map(|s| s as f32);
     let all = 0..dims[2];
     progress.stage("measuring the distance to the wall", (dims[1] + 2 * dims[2]) as u64);
-    let mut values = vec![f32::INFINITY; asked.len()];
+    let mut values = vec![FAR as i16; asked.len()];
     // Within each slice, then along z: each layer of rows with the same j.
     let slices = planes(asked, all.clone(), &mut values, 1).into_par_iter().enumerate();
-    slices.try_for_each_init(Slice::default, |room, (k, mut rows)| {
+    let room = || Slice { unit, ..Slice::default() };
+    slices.try_for_each_init(room, |room, (k, mut rows)| {
         let lines = Lines { dims, axis: 1, at: k };
         if let Some(window) = Window::of(asked, &lines) {
             room.fill(walls, asked, (&lines, &window), spacing, &mut rows);
@@ -487,20 +539,21 @@ pub(super) fn distances(
             let lines = Lines { dims, axis: 2, at: j };
             let window = Window::of(asked, &lines);
             if let Some(window) = &window {
-                spread(asked, &lines, window, &rows, room);
+                spread(unit, asked, &lines, window, &rows, room);
                 envelope.across(asked, &lines, window, spacing[2] * spacing[2], room);
-                collect(asked, &lines, (window, &window.lines), room, (0, &mut rows));
+                collect(unit, asked, &lines, (window, &window.lines), room, (0, &mut rows));
             }
             progress.advance(1)?;
             Ok(window)
         })
         .collect();
     let windows = windows?;
-    let (scale, most) = (scale as f32, most as f32);
+    let is_cut = AtomicBool::new(false);
     let slabs = slabs(asked, &mut values).into_par_iter();
-    slabs.try_for_each_init(<(Slice, Vec<f32>, Vec<f32>)>::default, |(room, plane, across), (ks, values)| {
+    let room = || (Slice { unit, ..Slice::default() }, Vec::new(), Vec::new());
+    slabs.try_for_each_init(room, |(room, plane, across), (ks, values)| {
         across.clear();
-        across.resize(values.len(), f32::INFINITY);
+        across.resize(values.len(), FAR as i16);
         let mut layers = planes(asked, ks.clone(), across, 2);
         for (j, (window, rows)) in windows.iter().zip(&mut layers).enumerate() {
             let Some(window) = window else { continue };
@@ -508,7 +561,7 @@ pub(super) fn distances(
             if !part.is_empty() {
                 let lines = Lines { dims, axis: 2, at: j };
                 scan((walls, asked), &lines, window, &part, spacing[2], plane);
-                collect(asked, &lines, (window, &part), plane, (ks.start, rows));
+                collect(unit, asked, &lines, (window, &part), plane, (ks.start, rows));
             }
         }
         drop(layers);
@@ -524,12 +577,18 @@ pub(super) fn distances(
             for (&members, &inside) in asked.row(j, k).iter().zip(walls.inside.row(j, k)) {
                 each_bit(members, |b| {
                     let Some((value, &other)) = both.next() else { return };
-                    let d = value.min(other).sqrt().min(most) * scale;
-                    *value = if inside >> b & 1 == 1 { d } else { -d.max(f32::MIN_POSITIVE) };
+                    let nearest = (*value as u16).min(other as u16);
+                    let is_inside = inside >> b & 1 == 1;
+                    if is_inside && nearest == FAR {
+                        is_cut.store(true, Ordering::Relaxed);
+                    }
+                    let d = (f32::from(nearest) * unit.0).min(most) * scale;
+                    let counted = (d * (0.5 / unit.0) + 0.5) as i16;
+                    *value = if is_inside { counted } else { -counted.max(1) };
                 });
             }
         }
         Ok(())
     })?;
-    Ok(values)
+    Ok((!(may_fail && is_cut.into_inner())).then_some(values))
 }

@@ -52,7 +52,7 @@ impl<'a> March<'a> {
 
     /// True if the front may enter a voxel.
     fn passes(&self, n: usize, voxel: [i64; 3]) -> bool {
-        let d = self.walls.values()[n];
+        let d = self.walls.value(n);
         d >= self.clearance
             || d >= 0.0 && self.open.iter().any(|&o| self.walls.world(voxel).distance_squared(o) <= SNAP_MM * SNAP_MM)
     }

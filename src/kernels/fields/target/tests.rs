@@ -27,7 +27,7 @@ fn follows_the_lumen_and_has_no_minimum_but_the_target() {
         let mut lower = 0;
         w.set().for_each(|n, [i, j, k]| {
             let v = [i as i64, j as i64, k as i64];
-            if w.values()[n] < 0.0 {
+            if w.value(n) < 0.0 {
                 assert_eq!(d.at(v), None);
                 return;
             }
