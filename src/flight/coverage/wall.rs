@@ -97,20 +97,21 @@ impl Wall {
     /// Takes the triangles of a mesh, whose normals point out of the gas.
     pub fn of_mesh(mesh: LumenMesh) -> Self {
         let (origin, places, triangles) = mesh.into_parts();
+        // The cell in 60 bits, the side in three, and the triangle: no more than a triangle takes.
         let key = |(n, t): (usize, &[u32; 3])| {
             let (cell, side) = Face::of(t.map(|v| places[v as usize])).patch();
-            (cell, side, n as u32)
+            let key = cell << 3 | u64::from(side);
+            [(key >> 32) as u32, key as u32, n as u32]
         };
-        let mut order: Vec<(u64, u8, u32)> = triangles.par_iter().enumerate().map(key).collect();
+        let mut order: Vec<[u32; 3]> = triangles.par_iter().enumerate().map(key).collect();
         let vertices = |n: u32| triangles[n as usize];
         order.par_sort_unstable();
         // Within a patch by their vertices, so that the order of the mesh makes no difference.
-        let is_patch = |a: &(u64, u8, u32), b: &(u64, u8, u32)| (a.0, a.1) == (b.0, b.1);
-        order.par_chunk_by_mut(is_patch).for_each(|patch| patch.sort_unstable_by_key(|o| vertices(o.2)));
-        // The keys are larger than the triangles.
+        let is_patch = |a: &[u32; 3], b: &[u32; 3]| a[..2] == b[..2];
+        order.par_chunk_by_mut(is_patch).for_each(|patch| patch.sort_unstable_by_key(|o| vertices(o[2])));
         let order: Vec<u32> = {
             let keyed = order;
-            keyed.par_iter().map(|o| o.2).collect()
+            keyed.par_iter().map(|o| o[2]).collect()
         };
         let sorted = order.par_iter().map(|&n| vertices(n)).collect();
         drop((order, triangles));
@@ -262,10 +263,10 @@ fn side(normal: Vec3) -> u8 {
     2 * axis as u8 + u8::from(normal[axis] < 0.0)
 }
 
-/// Interleaves the low 21 bits of three numbers (Morton 1966), so that what is near in space is near in the order.
+/// Interleaves the low 20 bits of three numbers (Morton 1966), so that what is near in space is near in the order.
 fn interleave(cell: [i32; 3]) -> u64 {
     let spread = |v: i32| {
-        let v = (i64::from(v) + (1 << 20)) as u64 & 0x1f_ffff;
+        let v = (i64::from(v) + (1 << 19)) as u64 & 0x0f_ffff;
         // Two zeros between each two bits, half as far apart in each step.
         let v = (v | v << 32) & 0x001f_0000_0000_ffff;
         let v = (v | v << 16) & 0x001f_0000_ff00_00ff;
@@ -283,8 +284,8 @@ mod tests {
     #[test]
     fn bits_are_interleaved_one_by_one() {
         let slow = |cell: [i32; 3]| {
-            let v = cell.map(|v| (i64::from(v) + (1 << 20)) as u64 & 0x1f_ffff);
-            (0..21).fold(0, |out, bit| (0..3).fold(out, |out, a| out | (v[a] >> bit & 1) << (3 * bit + a)))
+            let v = cell.map(|v| (i64::from(v) + (1 << 19)) as u64 & 0x0f_ffff);
+            (0..20).fold(0, |out, bit| (0..3).fold(out, |out, a| out | (v[a] >> bit & 1) << (3 * bit + a)))
         };
         for n in 0..2000i32 {
             let cell = [n.wrapping_mul(7919), -n * 37, n - 900].map(|v| v % (1 << 20));
