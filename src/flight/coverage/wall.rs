@@ -91,7 +91,10 @@ impl Wall {
     /// Returns status 4 if interrupted or if there are more vertices than 32 bits can count.
     pub fn of(volume: &Volume, lumen: &Lumen, segments: &[usize], iso: f64, progress: &Progress) -> Result<Self> {
         let gas = lumen.gas_of(segments);
-        Ok(Self::of_mesh(LumenMesh::new(&Interior::of_lumen(volume, &gas, iso, progress)?, progress)?))
+        let mesh = LumenMesh::new(&Interior::of_lumen(volume, &gas, iso, progress)?, progress)?;
+        // What it was made of is as large as what it is sorted by.
+        colvis_scan::memory::release();
+        Ok(Self::of_mesh(mesh))
     }
 
     /// Takes the triangles of a mesh, whose normals point out of the gas.

@@ -38,16 +38,15 @@ impl LumenMesh {
         let numbers = Numbers::new(&signs);
         check_count(&numbers)?;
         progress.check()?;
-        let mut sliders = sliders(interior, &signs, &numbers);
-        progress.check()?;
         let steps = [0, 1, 2].map(|a| grid.to_world().matrix3.col(a).as_vec3());
-        let places = |sliders: &[Slider]| -> Vec<Vec3> { sliders.par_iter().map(|s| s.place(&steps)).collect() };
+        let (mut places, free) = vertices(interior, &signs, &numbers, &steps);
+        progress.check()?;
         let above = |v: [usize; 3]| interior.above(v.map(|x| x as i64 - 1));
         let (triangles, _) = triangles(grid, above, &signs, &numbers, None);
         drop((signs, numbers));
         progress.check()?;
-        relax(&mut sliders, &steps, &triangles, progress)?;
-        Ok(Self { origin: grid.origin(), places: places(&sliders), triangles })
+        relax((&mut places, free), &steps, &triangles, progress)?;
+        Ok(Self { origin: grid.origin(), places, triangles })
     }
 
     /// Returns the number of vertices.
@@ -73,14 +72,17 @@ impl LumenMesh {
     }
 }
 
-/// Creates a vertex for each crossed edge, in their order.
-fn sliders(interior: &Interior<'_>, signs: &Signs, numbers: &Numbers) -> Vec<Slider> {
+/// Creates a vertex for each crossed edge, in their order, as an offset in mm. Those that the values do not place are returned as sliders,
+/// too. `steps` are the vectors along the grid's edges.
+fn vertices(interior: &Interior<'_>, signs: &Signs, numbers: &Numbers, steps: &[Vec3; 3]) -> (Vec<Vec3>, Vec<Slider>) {
     let grid = interior.grid();
     let dims = grid.dims().map(|n| n as i64);
-    let planes: Vec<Vec<Slider>> = (0..signs.dims[2])
+    let planes: Vec<(Vec<Vec3>, Vec<Slider>)> = (0..signs.dims[2])
         .into_par_iter()
         .map(|z| {
-            let mut out = Vec::with_capacity(numbers.before_plane(signs, z + 1) - numbers.before_plane(signs, z));
+            let first = numbers.before_plane(signs, z);
+            let mut places = Vec::with_capacity(numbers.before_plane(signs, z + 1) - first);
+            let mut free = Vec::new();
             each_crossed(signs, z, |from, axis| {
                 let low = from.map(|x| x as i64 - 1);
                 let mut high = low;
@@ -92,18 +94,23 @@ fn sliders(interior: &Interior<'_>, signs: &Signs, numbers: &Numbers) -> Vec<Sli
                 let share = reported.unwrap_or(0.5);
                 let t = if first_inside { share } else { 1.0 - share } as f32;
                 let base = DVec3::from_array(low.map(|x| x as f64));
-                out.push(Slider {
+                let slider = Slider {
+                    vertex: (first + places.len()) as u32,
                     base: grid.to_world().transform_vector3(base).as_vec3(),
                     axis: axis as u8,
-                    free: reported.is_none(),
                     t: t.clamp(KEEP_OFF, 1.0 - KEEP_OFF),
-                });
+                };
+                places.push(slider.place(steps));
+                free.extend(reported.is_none().then_some(slider));
             });
-            out
+            (places, free)
         })
         .collect();
-    let mut all = Vec::with_capacity(numbers.total() as usize);
+    let (mut places, mut free) = (Vec::with_capacity(numbers.total() as usize), Vec::new());
     // One after the other, so that they are not in memory twice.
-    planes.into_iter().for_each(|plane| all.extend(plane));
-    all
+    for (own, sliders) in planes {
+        places.extend(own);
+        free.extend(sliders);
+    }
+    (places, free)
 }

@@ -9,12 +9,12 @@ pub(super) const KEEP_OFF: f32 = 0.02;
 /// A vertex whose position is being determined: on the grid's edge from `base`, at the share `t` along `axis`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slider {
+    /// The vertex's number.
+    pub vertex: u32,
     /// Offset of the edge's lower voxel, mm.
     pub base: Vec3,
     /// Axis of the edge.
     pub axis: u8,
-    /// True if the values do not determine the position.
-    pub free: bool,
     /// Position along the edge, as a share of its length.
     pub t: f32,
 }
