@@ -27,7 +27,11 @@ impl FlightApp {
                     self.app.build()?;
                 }
             }
-            None => drop(self.app.camera().take::<Translucent>()),
+            None => {
+                drop(self.app.camera().take::<Translucent>());
+                // Unless another shows it.
+                self.scanned.take_if(|scanned| Arc::strong_count(scanned) == 1);
+            }
         }
         self.mark_picture();
         Ok(())
@@ -49,6 +53,20 @@ impl FlightApp {
             translucent.scanned = Arc::clone(&scanned);
         }
         self.scanned = Some(scanned);
+    }
+
+    /// Returns what [`FlightApp::keep_scanned`] has set, or translucency has made.
+    #[doc(hidden)]
+    pub fn kept_scanned(&self) -> Option<Arc<Volume>> {
+        self.scanned.clone()
+    }
+
+    /// Keeps the values as scanned no longer, unless translucency shows them.
+    #[doc(hidden)]
+    pub fn forget_scanned(&mut self) {
+        if self.camera::<Translucent>().is_none() {
+            self.scanned = None;
+        }
     }
 
     /// Returns the scan as scanned, or of a cleansed one the part around the colon.

@@ -1,6 +1,8 @@
 //! The scan without tag beside the scan as it is: found while the flight goes on, and shown at a key.
 //!
-//! The flight keeps the walls that it set out with. Only a box around the colon is kept a second time.
+//! The flight keeps the walls that it set out with. Beside a flight through the scan as it is, a box around the colon without tag is kept. A
+//! flight through the scan without tag knows what was taken out: the box as scanned is made of that when it is asked for, and kept while it is
+//! shown.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -15,6 +17,7 @@ use crate::app::{FlightApp, Setup};
 use crate::components::output::Picture;
 use crate::components::scan::Scan;
 use crate::error::Result;
+use crate::fields::Lumen;
 use crate::fields::cleanse::{self, Cleansed};
 use crate::progress::Progress;
 use crate::space::PreparedVolume;
@@ -31,6 +34,8 @@ pub(crate) struct Cleansing {
     took: Option<Took>,
     /// What is known of the tag, without its values.
     known: Arc<Cleansed>,
+    /// True if what came out without work was not told yet.
+    is_news: bool,
 }
 
 /// What finding the scan without tag took, for the statistics.
@@ -39,9 +44,9 @@ pub(crate) struct Cleansing {
 pub struct Took {
     /// What was taken out.
     pub text: String,
-    /// From the begin of the work until both scans were at hand, s.
+    /// From the begin of the work until both scans were at hand, s; 0 until there was any work.
     pub seconds: f64,
-    /// Size in memory of the values that were changed, and of the box that is kept, bytes.
+    /// Size in memory of the values that were changed, and of the box, if there was one, bytes.
     pub changed_bytes: usize,
     pub box_bytes: usize,
 }
@@ -50,8 +55,10 @@ enum Stage {
     /// The first picture comes first.
     Waiting,
     Working,
-    /// Both scans are at hand: the one that is flown through, and this one.
-    Both(Entity),
+    /// The flight goes through the scan as it is, and this is the part around the colon without tag.
+    Beside(Entity),
+    /// The flight goes through the scan without tag, and this is the part around the colon as scanned, while it is shown.
+    Taken(Option<Entity>),
     /// There is only one, and why.
     One(&'static str),
 }
@@ -82,6 +89,7 @@ impl Cleansing {
             is_wanted: true,
             took: None,
             known: Arc::default(),
+            is_news: false,
         }
     }
 
@@ -108,15 +116,25 @@ impl Cleansing {
             self.stage = Stage::One(why);
             return Ok(());
         }
+        if let Some(known) = cleansed {
+            self.is_news = true;
+            if known.changes.is_empty() {
+                self.stage = Stage::One(NO_TAG);
+                return Ok(());
+            }
+            self.took = Some(Took {
+                text: known.to_string(),
+                seconds: 0.0,
+                changed_bytes: known.changes.bytes(),
+                box_bytes: 0,
+            });
+            self.stage = Stage::Taken(None);
+            return Ok(());
+        }
         self.stage = Stage::One("it failed");
-        let (volume, lumen, known) = (volume.clone(), Arc::clone(lumen), cleansed.clone());
-        let light = scene.image.settings.light;
+        let (volume, lumen, light) = (volume.clone(), Arc::clone(lumen), scene.image.settings.light);
         let work = move |progress: &Arc<Progress>| {
-            let cleansed = match known {
-                // Its changes hold the values that the scan had.
-                Some(known) => known,
-                None => Arc::new(cleanse::cleanse(volume.voxels(), &lumen, progress)?),
-            };
+            let cleansed = Arc::new(cleanse::cleanse(volume.voxels(), &lumen, progress)?);
             let other = (!cleansed.changes.is_empty()).then(|| {
                 // What was needed to find the changes, before the box needs as much.
                 memory::release();
@@ -137,7 +155,14 @@ impl Cleansing {
     /// # Errors
     /// Returns the error of the work, or status 1 if it panicked.
     pub(crate) fn take(&mut self, flight: &mut FlightApp, now: Instant) -> Result<Option<String>> {
+        if std::mem::take(&mut self.is_news) {
+            // A flight through the fluid has said so already.
+            return Ok(Some(String::new()));
+        }
         let Some(found) = self.task.take(now) else { return Ok(None) };
+        if let Stage::Taken(_) = self.stage {
+            return self.take_as_scanned(flight, found).map(|()| Some(String::new()));
+        }
         self.stage = Stage::One("it failed");
         let (Found { other, cleansed }, seconds) = found?;
         let Some(other) = other else {
@@ -151,13 +176,39 @@ impl Cleansing {
             changed_bytes: cleansed.changes.bytes(),
             box_bytes: other.voxels().bytes() + other.bytes(),
         });
-        if is_flown_without_tag(flight) {
-            flight.keep_scanned(other.shared_voxels());
-        }
-        self.stage = Stage::Both(flight.app_mut().world.spawn(Scan(other)).id());
+        self.stage = Stage::Beside(flight.app_mut().world.spawn(Scan(other)).id());
         self.show(flight);
-        // A flight through the fluid has said so already.
-        Ok(Some(if is_flown_without_tag(flight) { String::new() } else { cleansed.to_string() }))
+        Ok(Some(cleansed.to_string()))
+    }
+
+    /// Takes the scan as it is, unless it is no longer asked for.
+    fn take_as_scanned(&mut self, flight: &mut FlightApp, found: Result<(Found, f64)>) -> Result<()> {
+        let is_wanted = std::mem::replace(&mut self.is_wanted, true);
+        let (Found { other, .. }, seconds) = found?;
+        self.is_wanted = is_wanted;
+        let Some(other) = other.filter(|_| !is_wanted) else { return Ok(()) };
+        if let Some(took) = &mut self.took {
+            (took.seconds, took.box_bytes) = (seconds, other.voxels().bytes() + other.bytes());
+        }
+        flight.keep_scanned(other.shared_voxels());
+        self.stage = Stage::Taken(Some(flight.app_mut().world.spawn(Scan(other)).id()));
+        self.show(flight);
+        Ok(())
+    }
+
+    /// Begins to make the scan as it is of that without tag.
+    fn restore(&mut self, flight: &FlightApp, background: &Background, now: Instant) -> Result<()> {
+        let Setup { volume, lumen, scene, cleansed: Some(cleansed), .. } = flight.setup() else { return Ok(()) };
+        let (volume, light, kept) = (volume.clone(), scene.image.settings.light, flight.kept_scanned());
+        let (lumen, cleansed) = (Arc::clone(lumen), Arc::clone(cleansed));
+        let work = move |_: &Arc<Progress>| {
+            let part = kept.unwrap_or_else(|| Arc::new(boxed(volume.voxels(), &lumen, &cleansed.changes)));
+            let other = volume.with_voxels(part);
+            light.prepare(&other);
+            Ok(Found { other: Some(other), cleansed })
+        };
+        self.task.go_over(Ok(background.start_apart("as scanned", work)?), now);
+        Ok(())
     }
 
     /// True if the work has not been started.
@@ -177,11 +228,9 @@ impl Cleansing {
         }
         match self.stage {
             Stage::One(NO_TAG) => Tag::Absent,
-            Stage::Both(other) => flight
-                .app()
-                .world
-                .get::<Scan>(other)
-                .map_or(Tag::Unknown, |scan| Tag::Beside(scan.0.clone(), Arc::clone(&self.known))),
+            Stage::Beside(other) => {
+                scan_of(flight, other).map_or(Tag::Unknown, |scan| Tag::Beside(scan, Arc::clone(&self.known)))
+            }
             _ => Tag::Unknown,
         }
     }
@@ -189,52 +238,77 @@ impl Cleansing {
     /// Checks whether there is a choice. The error states why not.
     pub(crate) fn may_switch(&self) -> std::result::Result<(), &'static str> {
         match self.stage {
-            Stage::Both(_) => Ok(()),
+            Stage::Beside(_) | Stage::Taken(_) => Ok(()),
             Stage::Waiting | Stage::Working => Err("the scan is being cleansed"),
             Stage::One(why) => Err(why),
         }
     }
 
-    /// Switches between both scans. Returns what is shown now.
-    pub(crate) fn switch(&mut self, flight: &mut FlightApp) -> &'static str {
+    /// Switches between both scans. Returns what is shown now, or in a moment.
+    ///
+    /// # Errors
+    /// Returns status 1 if the system cannot start threads; nothing changes then.
+    pub(crate) fn switch(
+        &mut self,
+        flight: &mut FlightApp,
+        background: &Background,
+        now: Instant,
+    ) -> Result<&'static str> {
+        if self.is_wanted && matches!(self.stage, Stage::Taken(None)) && !self.task.is_working() {
+            self.restore(flight, background, now)?;
+        }
         self.is_wanted = !self.is_wanted;
         self.show(flight);
-        self.text()
+        if let (Stage::Taken(Some(as_scanned)), true) = (&self.stage, self.is_wanted) {
+            flight.app_mut().world.despawn(*as_scanned);
+            flight.forget_scanned();
+            self.stage = Stage::Taken(None);
+        }
+        Ok(if self.is_wanted == self.is_clean() { self.text() } else { "as scanned ..." })
     }
 
     /// Returns what is shown; empty if there is no choice.
     pub(crate) fn shown(&self) -> &'static str {
-        if matches!(self.stage, Stage::Both(_)) { self.text() } else { "" }
+        if self.may_switch().is_ok() { self.text() } else { "" }
     }
 
     /// True if there is a choice and the scan is shown with its tag.
     pub(crate) fn is_shown_as_scanned(&self) -> bool {
-        matches!(self.stage, Stage::Both(_)) && !self.is_wanted
+        self.may_switch().is_ok() && !self.is_clean()
+    }
+
+    /// True if the scan is shown without tag, if there is a choice.
+    fn is_clean(&self) -> bool {
+        self.is_wanted || matches!(self.stage, Stage::Taken(None))
     }
 
     fn text(&self) -> &'static str {
-        if self.is_wanted { "cleansed" } else { "as scanned" }
+        if self.is_clean() { "cleansed" } else { "as scanned" }
     }
 
     /// Returns the entity of the scan that is shown, if it is not that which is flown through.
-    pub(crate) fn other(&self, flight: &FlightApp) -> Option<Entity> {
+    pub(crate) fn other(&self) -> Option<Entity> {
         match self.stage {
-            Stage::Both(other) => (self.is_wanted != is_flown_without_tag(flight)).then_some(other),
+            Stage::Beside(clean) => self.is_wanted.then_some(clean),
+            Stage::Taken(as_scanned) => as_scanned.filter(|_| !self.is_wanted),
             _ => None,
         }
     }
 
     /// Returns the scan without tag, or the part of it around the colon, if it is known, and the scan as it is beside it.
-    pub(crate) fn pair(&self, flight: &FlightApp) -> (PreparedVolume, Option<PreparedVolume>) {
-        let flown = flight.setup().volume.clone();
-        let other = match self.stage {
-            Stage::Both(other) => flight.app().world.get::<Scan>(other).map(|scan| scan.0.clone()),
-            _ => None,
-        };
-        match other {
-            Some(other) if is_flown_without_tag(flight) => (flown, Some(other)),
-            Some(other) => (other, Some(flown)),
-            None => (flown, None),
+    pub(crate) fn pair(&self, flight: &FlightApp) -> (PreparedVolume, AsScanned) {
+        let Setup { volume, lumen, cleansed, .. } = flight.setup();
+        let flown = volume.clone();
+        match (&self.stage, cleansed) {
+            (Stage::Beside(other), _) => match scan_of(flight, *other) {
+                Some(clean) => (clean, AsScanned::Here(flown)),
+                None => (flown, AsScanned::Same),
+            },
+            (Stage::Taken(Some(other)), _) if let Some(scan) = scan_of(flight, *other) => {
+                (flown, AsScanned::Here(scan))
+            }
+            (Stage::Taken(_), Some(cleansed)) => (flown, AsScanned::Of(Arc::clone(lumen), Arc::clone(cleansed))),
+            _ => (flown, AsScanned::Same),
         }
     }
 
@@ -245,8 +319,8 @@ impl Cleansing {
 
     /// Shows the scan that is wanted in all views of the flight's scan.
     fn show(&self, flight: &mut FlightApp) {
-        let Stage::Both(entity) = self.stage else { return };
-        let other = self.other(flight);
+        let (Stage::Beside(entity) | Stage::Taken(Some(entity))) = self.stage else { return };
+        let other = self.other();
         let world = &mut flight.app_mut().world;
         for mut picture in world.query::<&mut Picture>().iter_mut(world) {
             if picture.scan.is_none_or(|scan| scan == entity) {
@@ -256,8 +330,30 @@ impl Cleansing {
     }
 }
 
-fn is_flown_without_tag(flight: &FlightApp) -> bool {
-    flight.setup().cleansed.as_ref().is_some_and(|c| !c.changes.is_empty())
+fn scan_of(flight: &FlightApp, entity: Entity) -> Option<PreparedVolume> {
+    flight.app().world.get::<Scan>(entity).map(|scan| scan.0.clone())
+}
+
+/// A scan as it is, beside that without tag.
+pub(crate) enum AsScanned {
+    /// They are the same.
+    Same,
+    Here(PreparedVolume),
+    /// The part around the colon can be made of what was taken out.
+    Of(Arc<Lumen>, Arc<Cleansed>),
+}
+
+impl AsScanned {
+    /// Returns it, given the scan without tag; `None` if they are the same.
+    pub(crate) fn beside(self, clean: &PreparedVolume) -> Option<PreparedVolume> {
+        match self {
+            Self::Same => None,
+            Self::Here(scan) => Some(scan),
+            Self::Of(lumen, cleansed) => {
+                Some(clean.with_voxels(Arc::new(boxed(clean.voxels(), &lumen, &cleansed.changes))))
+            }
+        }
+    }
 }
 
 #[cfg(test)]
@@ -365,9 +461,21 @@ mod tests {
     fn a_flight_through_fluid_shows_what_it_flies_and_the_scan_at_the_key() {
         let mut c = flown("path", true);
         let now = Instant::now();
-        assert!(c.flight().setup().cleansed.is_some() && c.cleansing().other(c.flight()).is_none());
+        assert!(c.flight().setup().cleansed.is_some() && c.cleansing().other().is_none());
         assert_eq!(c.cleansing().shown(), "cleansed");
+        assert_eq!(c.cleansing().took().unwrap().box_bytes, 0, "not made before it is asked for");
         perform(&mut c, "tag", now);
+        let until_shown = |c: &mut FlightController| {
+            let begun = Instant::now();
+            while c.cleansing().other().is_none() {
+                assert!(begun.elapsed() < Duration::from_secs(60) && c.cleansing().shown() == "cleansed");
+                c.advance(now).unwrap();
+                thread::sleep(Duration::from_millis(1));
+            }
+        };
+        until_shown(&mut c);
+        assert_eq!(c.cleansing().shown(), "as scanned");
+        assert!(c.cleansing().took().unwrap().box_bytes > 0);
         let grid = c.flight().setup().volume.voxels().grid();
         let raw = c.flight().shown_scan().voxels();
         let shift = grid.voxel(raw.grid().origin()).round().to_array().map(|v| v as usize);
@@ -383,6 +491,29 @@ mod tests {
             }
         }
         assert!(tag > 100);
+        // It goes when it is no longer shown, and comes again.
+        let is_flown = |c: &FlightController| std::ptr::eq(c.flight().shown_scan(), &c.flight().setup().volume);
+        assert!(!is_flown(&c));
+        perform(&mut c, "tag", now);
+        assert!(c.cleansing().other().is_none() && c.flight().kept_scanned().is_none());
+        assert!(is_flown(&c));
+        perform(&mut c, "tag", now);
+        // Asked for and no longer wanted before it is there.
+        perform(&mut c, "tag", now);
+        let begun = Instant::now();
+        while c.cleansing().task.is_working() {
+            assert!(begun.elapsed() < Duration::from_secs(60));
+            c.advance(now).unwrap();
+            thread::sleep(Duration::from_millis(1));
+        }
+        assert!(c.cleansing().other().is_none() && c.flight().kept_scanned().is_none());
+        perform(&mut c, "tag", now);
+        until_shown(&mut c);
+        assert!(!is_flown(&c));
+        // Nothing looks at what has gone.
+        picture_of(&mut c);
+        perform(&mut c, "tag", now);
+        picture_of(&mut c);
     }
 
     /// Without a picture of the flight, slices show the scan without tag all the same.

@@ -641,7 +641,7 @@ impl FlightController {
             Ok(None) => {}
             Err(e) => self.say(format!("{}: {}", e.what, e.why), now),
         }
-        self.slices.patch(self.cleansing.other(&self.flight));
+        self.slices.patch(self.cleansing.other());
     }
 
     /// True once the first picture was shown and nothing waits for the scan to be its only holder: others may hold it, too.
@@ -661,9 +661,11 @@ impl FlightController {
 
     /// Switches between the scan without tag and the scan as it is.
     fn switch_tag(&mut self, now: Instant) {
-        let shown = self.cleansing.switch(&mut self.flight);
-        self.slices.patch(self.cleansing.other(&self.flight));
-        self.say(shown, now);
+        match self.cleansing.switch(&mut self.flight, &self.background, now) {
+            Ok(shown) => self.say(shown, now),
+            Err(e) => self.say(e.to_string(), now),
+        }
+        self.slices.patch(self.cleansing.other());
         self.quiet = 0;
     }
 

@@ -7,6 +7,7 @@ use std::time::Instant;
 use glam::DVec3;
 
 use super::background::{Background, BackgroundTask};
+use super::cleansing::AsScanned;
 use super::job::Job;
 use crate::app::findings::{Finding, FindingPicture, View, lesion_at};
 use crate::error::Result;
@@ -22,7 +23,7 @@ pub(crate) struct Scans {
     /// The one in whose wall they are: cleansed, if that is known.
     pub(crate) cleansed: PreparedVolume,
     /// The same with its tag, if it has some.
-    pub(crate) scanned: Option<PreparedVolume>,
+    pub(crate) scanned: AsScanned,
     /// The one that is shown: its wall was pointed at.
     pub(crate) shown: PreparedVolume,
     /// Renders the pictures.
@@ -168,6 +169,7 @@ impl FindingTool {
 fn start(mut finding: Finding, measures: bool, scans: Scans, background: &Background) -> Result<Job<Made>> {
     background.start_apart("finding", move |progress| {
         let Scans { cleansed, scanned, shown, preset } = scans;
+        let scanned = scanned.beside(&cleansed);
         let is_restored = |place| {
             let hu = |volume: &PreparedVolume| {
                 let [i, j, k] = volume.voxels().grid().voxel(place).round().to_array().map(|x| x as i64);

@@ -132,7 +132,7 @@ mod tests {
     }
 
     fn is_settled(c: &FlightController) -> bool {
-        let is_right = watched(c).is_some_and(|w| w.is_beside() == c.cleansing().other(c.flight()).is_some());
+        let is_right = watched(c).is_some_and(|w| w.is_beside() == c.cleansing().other().is_some());
         is_right && c.seen().list().is_some() && !c.cleansing().is_under_way()
     }
 

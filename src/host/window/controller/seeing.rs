@@ -21,7 +21,7 @@ const STOP_S: f64 = 2.0;
 impl FlightController {
     /// Shows or hides the paint over what was not seen yet.
     pub(crate) fn show_seen(&mut self, shown: bool, now: Instant) {
-        let other = self.cleansing.other(&self.flight);
+        let other = self.cleansing.other();
         let done = self.seen.show(shown, &mut self.flight, other, &self.background, now);
         let is_known = self.flight.camera::<LiveCoverage>().is_some();
         let told = match (done, shown, is_known) {
@@ -244,7 +244,7 @@ impl FlightController {
     pub(super) fn take_seen(&mut self, now: Instant) {
         self.wait_at_missed(now);
         self.go_on_with_review(now);
-        let other = self.cleansing.other(&self.flight);
+        let other = self.cleansing.other();
         self.seen.follow(&self.flight, other, &self.background, now);
         match self.seen.take(&mut self.flight, other, &self.background, now) {
             Ok(None) => {}
