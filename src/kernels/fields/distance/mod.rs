@@ -6,8 +6,9 @@
 //! neighbouring samples replaces them. Measured on spheres, the error is 0.02 of a voxel in the mean and at most 0.4, at voxels
 //! that see the wall along a diagonal, past their own edges (see the tests). The distance is negative in the shell.
 //!
-//! A distance takes 16 bits. It is counted in 1/512 mm up to 64 mm; in a lumen that is wider, which no colon is, in 1/32767 of the grid's
-//! diagonal. It is rounded twice, to half of that before the last pass: by less than the whole.
+//! A distance takes 16 bits. It is counted in 1/512 mm, or in a power of two below 1/128 of a voxel if that is less; 32767 of these reach 64 mm.
+//! In a lumen that is wider, which no colon is, the unit is four times as long, as often as necessary. Distances are rounded down, to half a
+//! unit between the passes, so they stay bounds.
 //!
 //! Between voxels it is a cubic B-spline with the distances as its coefficients. The spline is twice continuously differentiable,
 //! exact where the distance is linear, and a mean of distances, so it never overshoots. Its weights have the second moment h²/3

@@ -466,17 +466,18 @@ fn tangent(f: [f32; 3], squares: [f32; 3]) -> f32 {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Unit(f32);
 
-/// The unit for all lumens but those that are 128 mm wide somewhere, mm.
+/// The largest unit that is tried first, mm, and the share of a voxel that it is at most.
 const FINE: f32 = 1.0 / 1024.0;
+const OF_VOXEL: f64 = 1.0 / 256.0;
 /// What is not known yet, or farther than can be counted.
 const FAR: u16 = u16::MAX;
 
 impl Unit {
-    /// Packs a squared distance, mm².
+    /// Packs a squared distance, mm²; it is never rounded up.
     #[inline]
     fn packed(self, square: f32) -> i16 {
         // `as` saturates.
-        (square.sqrt() / self.0 + 0.5) as u16 as i16
+        (square.sqrt() / self.0) as u16 as i16
     }
 
     /// Returns the squared distance that was packed, mm².
@@ -489,8 +490,8 @@ impl Unit {
 }
 
 /// Returns the distances of the voxels of `asked` to the nearest crossing, in their order: negative for those outside, and `most` (mm) if there
-/// is no crossing. They are multiplied by `scale`, and counted in the unit that is returned with them, mm: 1/512 mm, unless the lumen is
-/// so wide that these are too many. Spacing is in mm.
+/// is no crossing. They are multiplied by `scale`, and counted in the unit that is returned with them, mm: 1/512 mm or less, but four times as
+/// much, or more, where the lumen is too wide for that. Spacing is in mm.
 pub(super) fn distances(
     walls: &Walls,
     asked: &VoxelSet,
@@ -499,13 +500,16 @@ pub(super) fn distances(
     progress: &Progress,
 ) -> Result<(Vec<i16>, f32)> {
     let (scale, most) = (scale as f32, most as f32);
-    let fine = f32::from(FAR) * FINE;
-    if let Some(found) = in_unit(Unit(FINE), walls, asked, spacing, (scale, most.min(fine)), most > fine, progress)? {
-        return Ok((found, 2.0 * FINE));
+    let least = spacing.into_iter().fold(f64::INFINITY, f64::min);
+    let mut unit = ((least * OF_VOXEL).log2().floor().exp2() as f32).min(FINE);
+    loop {
+        let reach = f32::from(FAR) * unit;
+        let wanted = (scale, most.min(reach));
+        if let Some(found) = in_unit(Unit(unit), walls, asked, spacing, wanted, most > reach, progress)? {
+            return Ok((found, 2.0 * unit));
+        }
+        unit *= 4.0;
     }
-    let unit = most / f32::from(FAR);
-    let found = in_unit(Unit(unit), walls, asked, spacing, (scale, most), false, progress)?;
-    Ok((found.unwrap_or_default(), 2.0 * unit))
 }
 
 /// Does what [`distances`] does, counted in twice a unit. `None` if `may_fail` and one is farther than all that can be counted.
@@ -583,7 +587,7 @@ fn in_unit(
                         is_cut.store(true, Ordering::Relaxed);
                     }
                     let d = (f32::from(nearest) * unit.0).min(most) * scale;
-                    let counted = (d * (0.5 / unit.0) + 0.5) as i16;
+                    let counted = (d * (0.5 / unit.0)) as i16;
                     *value = if is_inside { counted } else { -counted.max(1) };
                 });
             }
