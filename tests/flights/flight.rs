@@ -7,9 +7,10 @@ use colvis::app::plan::{self, FlightRequest, Place};
 use colvis::components::flight::State;
 use colvis::dynamics::mines::MineSettings;
 use colvis::dynamics::tentacles::TentacleSettings;
-use colvis::fields::lumen;
+use colvis::fields::{Distance, Through, WallDistance, lumen};
 use colvis::phantom::{PhantomSettings, Size};
 use colvis::progress::Progress;
+use colvis::render::{Frame, Preset, Quality, Reuse, Settings, View, renderer};
 use colvis::space::{PreparedVolume, TransferFunction, value};
 use colvis::volume::{Grid, Volume};
 use glam::{DMat3, DVec3};
@@ -196,4 +197,47 @@ fn no_colon_to_fly() {
     let mask = dir.path().join("m.nii.gz");
     run(&["segment", scan.to_str().unwrap(), "--out", mask.to_str().unwrap()], 0);
     assert!(mask.exists(), "segment still writes what there is");
+}
+
+/// A scan of more than 2³¹ voxels, in whose last part the colon is: it is flown and seen as without the rest.
+#[test]
+#[ignore = "slow: five gigabytes"]
+fn more_voxels_than_31_bits_can_count() {
+    let (small, truth) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
+    let grid = small.grid().clone();
+    let side = 1300;
+    let first = grid.dims().map(|n| side - n);
+    let origin = grid.world(-DVec3::from_array(first.map(|n| n as f64)));
+    let whole = Grid::new([side; 3], grid.spacing(), origin, grid.direction()).unwrap();
+    assert!(whole.len() > 1 << 31);
+    // Air around the patient, as in the phantom's own corner.
+    let mut data = vec![small.data()[0]; whole.len()];
+    let [nx, ny, nz] = grid.dims();
+    for (j, k) in (0..nz).flat_map(|k| (0..ny).map(move |j| (j, k))) {
+        let to = whole.index(first[0], first[1] + j, first[2] + k);
+        data[to..to + nx].copy_from_slice(&small.data()[grid.index(0, j, k)..][..nx]);
+    }
+    let view = |volume: &PreparedVolume| {
+        let [at, on] = [0.3, 0.31].map(|share| truth.centerline[(share * truth.centerline.len() as f64) as usize]);
+        let view = View::new(at, on - at, DVec3::new(0.3, 0.2, 1.0), 90.0, 96, 96).unwrap();
+        let mut frame = Frame::new(96, 96);
+        renderer(volume, Settings::new(Quality::High), Preset::default(), Reuse::Never).render(&view, &mut frame);
+        frame.pixels().to_vec()
+    };
+    let flown = |volume: Volume| {
+        let mut scan = scan(volume);
+        let picture = view(&scan.volume().clone());
+        let lumen = scan.lumen().unwrap();
+        let walls = WallDistance::of_lumen(scan.volume().voxels(), &lumen, Through::Gas, &Progress::new()).unwrap();
+        let far = walls.sample(truth.centerline[truth.centerline.len() / 2]).unwrap().mm;
+        let log = fly(&mut scan.flight(logged(), &FlightRequest::default()).unwrap(), 5.0);
+        (picture, lumen.gas_ml(), far, DVec3::from_array(log[log.len() - 1].position))
+    };
+    let huge = flown(Volume::new(whole, data));
+    let small = flown(small);
+    assert!((huge.1 - small.1).abs() < 1e-6 * small.1 && (huge.2 - small.2).abs() < 1e-6, "{huge:?}");
+    assert!(huge.3.distance(small.3) < 0.1, "{} {}", huge.3, small.3);
+    let off = huge.0.as_flattened().iter().zip(small.0.as_flattened()).map(|(a, b)| f64::from(a.abs_diff(*b)));
+    let mean = off.sum::<f64>() / small.0.as_flattened().len() as f64;
+    assert!(mean < 2.0, "{mean} grey levels");
 }
