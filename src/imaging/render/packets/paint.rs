@@ -261,10 +261,8 @@ const PICKED: [u8; 64] = {
 
 /// Returns a channel of what light is shown as, 0 to 255, with ½ added so that it is rounded where it is cut off.
 #[inline(always)]
-fn shown<S: Simd>([bright, tone]: [f32x16<S>; 2], channel: usize) -> f32x16<S> {
-    let [base, top] = PALETTE;
-    let slope = (top[channel] - base[channel]) / (PALETTE_HU[1] - PALETTE_HU[0]);
-    (bright * base[channel] + tone * slope) * 255.0 + 0.5
+fn shown<S: Simd>(light: [f32x16<S>; 2], channel: usize) -> f32x16<S> {
+    lit(light, channel) * 255.0 + 0.5
 }
 
 /// The least and the greatest values of [`shown`] that are shown as they are.
@@ -274,19 +272,19 @@ const MOST: f32 = 255.5;
 /// Returns red, green and blue in the lower three bytes.
 #[inline(always)]
 fn colours<S: Simd>(simd: S, bright: f32x16<S>, tone: f32x16<S>) -> [i32; SIDE * SIDE] {
-    packed_lanes(simd, bright, tone).to_array()
-}
-
-/// Same as [`colours`], as a vector.
-#[inline(always)]
-fn packed_lanes<S: Simd>(simd: S, bright: f32x16<S>, tone: f32x16<S>) -> i32x16<S> {
-    let [base, top] = PALETTE;
     let mut packed = i32x16::splat(simd, 0);
     for channel in [2, 1, 0] {
-        let slope = (top[channel] - base[channel]) / (PALETTE_HU[1] - PALETTE_HU[0]);
-        packed = byte(simd, packed, bright * base[channel] + tone * slope);
+        packed = byte(simd, packed, lit([bright, tone], channel));
     }
-    packed
+    packed.to_array()
+}
+
+/// Returns the light of a channel, 0 to 1, of a brightness and a tone.
+#[inline(always)]
+fn lit<S: Simd>([bright, tone]: [f32x16<S>; 2], channel: usize) -> f32x16<S> {
+    let [base, top] = PALETTE;
+    let slope = (top[channel] - base[channel]) / (PALETTE_HU[1] - PALETTE_HU[0]);
+    bright * base[channel] + tone * slope
 }
 
 #[cfg(test)]
