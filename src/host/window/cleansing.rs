@@ -465,6 +465,7 @@ mod tests {
         assert_eq!(c.cleansing().shown(), "cleansed");
         assert_eq!(c.cleansing().took().unwrap().box_bytes, 0, "not made before it is asked for");
         perform(&mut c, "tag", now);
+        assert_eq!(c.hud(now).message.as_deref(), Some("as scanned ..."));
         let until_shown = |c: &mut FlightController| {
             let begun = Instant::now();
             while c.cleansing().other().is_none() {
@@ -475,6 +476,7 @@ mod tests {
         };
         until_shown(&mut c);
         assert_eq!(c.cleansing().shown(), "as scanned");
+        assert_eq!(c.hud(now).message.as_deref(), Some("as scanned"));
         assert!(c.cleansing().took().unwrap().box_bytes > 0);
         let grid = c.flight().setup().volume.voxels().grid();
         let raw = c.flight().shown_scan().voxels();

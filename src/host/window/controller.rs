@@ -634,6 +634,8 @@ impl FlightController {
                     output::to_stderr(format_args!("note: {what}"));
                     let how = self.actions.hint("tag", "shows the scan as it is");
                     self.say(format!("{what}{how}"), now);
+                } else if self.cleansing.is_shown_as_scanned() {
+                    self.say(self.cleansing.shown(), now);
                 }
                 self.attention = true;
                 self.figures.touch();
