@@ -20,8 +20,6 @@ struct Parabola {
 /// Scratch memory for building envelopes.
 #[derive(Debug, Default)]
 pub(super) struct Envelope {
-    /// Heights along the run, mm².
-    pub heights: Vec<f32>,
     parabolas: Vec<Parabola>,
     /// 1/n, as far as needed so far: a division takes several times as long as the rest of a step.
     inverse: Vec<f32>,
@@ -29,8 +27,8 @@ pub(super) struct Envelope {
 
 impl Envelope {
     /// Replaces the heights h(q) of a run by min over p of h(p) + (s·(q − p))², with `square` = s² (mm²).
-    pub(crate) fn lower(&mut self, square: f32) {
-        let Self { heights, parabolas, inverse } = self;
+    pub(super) fn lower(&mut self, heights: &mut [f32], square: f32) {
+        let Self { parabolas, inverse } = self;
         let known = inverse.len();
         inverse.extend((known..heights.len()).map(|n| 1.0 / n as f32));
         let half = 0.5 / square;
@@ -74,9 +72,9 @@ mod tests {
         fn is_the_least_of_all_parabolas(heights in prop::collection::vec(prop::option::weighted(0.7, 0.0f32..400.0), 1..90), step in 0.1f32..5.0) {
             let f: Vec<f32> = heights.iter().map(|h| h.unwrap_or(f32::INFINITY)).collect();
             let square = step * step;
-            let mut envelope = Envelope { heights: f.clone(), ..Envelope::default() };
-            envelope.lower(square);
-            for (q, &got) in envelope.heights.iter().enumerate() {
+            let mut heights = f.clone();
+            Envelope::default().lower(&mut heights, square);
+            for (q, &got) in heights.iter().enumerate() {
                 let brute = f.iter().enumerate().map(|(p, h)| h + square * (q as f32 - p as f32).powi(2)).fold(f32::INFINITY, f32::min);
                 prop_assert!(got == brute || (got - brute).abs() <= 1e-3 * (1.0 + brute), "{got} is not {brute}");
             }

@@ -22,6 +22,7 @@
 pub mod compare;
 mod envelope;
 mod of_lumen;
+mod parabolas;
 pub(in crate::fields) mod spline;
 #[cfg(test)]
 mod tests;

@@ -1,12 +1,12 @@
 //! The exact Euclidean distance to the points where grid edges cross the wall, in time linear in the number of requested voxels.
 //!
 //! Sources are on grid edges, off the voxels' centres along one axis each. For sources on edges along x, a scan finds the nearest
-//! one along each row. The lower envelope of parabolas (Felzenszwalb and Huttenlocher 2012) extends this across y and then z, where
-//! those sources are at whole indices, so it is exact. The same holds for y and z with the scan along their own axis. Extending one
+//! one along each row. The least of parabolas (see [`parabolas`](super::parabolas)) extends this across y and then z, where those sources are
+//! at whole indices, so it is exact (Felzenszwalb and Huttenlocher 2012). The same holds for y and z with the scan along their own axis. Extending one
 //! family's distance along its own axis a second time would add the squares of two parts of one distance and fall below the truth.
 //! The three families are therefore merged only when their remaining passes are the same:
 //!
-//! D² = min(Pz(min(Py(fx²), Px(fy²))), Py(Px(fz²))),  P_a the envelope along axis a, f_a the scan.
+//! D² = min(Pz(min(Py(fx²), Px(fy²))), Py(Px(fz²))),  P_a the least of parabolas along axis a, f_a the scan.
 //!
 //! Everything runs within the requested voxels: the ball given by a distance contains every voxel that its computation
 //! passes through, so nothing beyond the lumen and its shell is read.
@@ -19,7 +19,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 
-use super::envelope::Envelope;
+use super::parabolas::Parabolas;
 use crate::error::Result;
 use crate::fields::Values;
 use crate::fields::voxels::{VoxelBits, VoxelSet, each_bit, each_run};
@@ -86,11 +86,11 @@ impl Walls<'_> {
 
 /// The rows of one plane of the grid, in order: those of a slice (fixed k, along y) or of a layer (fixed j, along z).
 #[derive(Clone, Copy, Debug)]
-struct Lines {
-    dims: [usize; 3],
+pub(super) struct Lines {
+    pub(super) dims: [usize; 3],
     /// 1: a slice at k = `at`; 2: a layer at j = `at`.
-    axis: usize,
-    at: usize,
+    pub(super) axis: usize,
+    pub(super) at: usize,
 }
 
 impl Lines {
@@ -98,7 +98,7 @@ impl Lines {
         if self.axis == 1 { (n, self.at) } else { (self.at, n) }
     }
 
-    fn row<'s>(&self, set: &'s VoxelBits, n: usize) -> &'s [u64] {
+    pub(super) fn row<'s>(&self, set: &'s VoxelBits, n: usize) -> &'s [u64] {
         let (j, k) = self.place(n);
         set.row(j, k)
     }
@@ -116,13 +116,13 @@ impl Lines {
 
 /// The part of a plane that contains requested voxels: lines, and x within them.
 #[derive(Clone, Debug)]
-struct Window {
-    lines: Range<usize>,
-    xs: Range<usize>,
+pub(super) struct Window {
+    pub(super) lines: Range<usize>,
+    pub(super) xs: Range<usize>,
 }
 
 impl Window {
-    fn of(set: &VoxelSet, lines: &Lines) -> Option<Self> {
+    pub(super) fn of(set: &VoxelSet, lines: &Lines) -> Option<Self> {
         let mut any: Option<(Range<usize>, Vec<u64>)> = None;
         for n in 0..lines.count() {
             let row = lines.row(set.bits(), n);
@@ -141,11 +141,11 @@ impl Window {
         Some(Self { lines: range, xs })
     }
 
-    fn width(&self) -> usize {
+    pub(super) fn width(&self) -> usize {
         self.xs.len()
     }
 
-    fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.lines.len() * self.width()
     }
 }
@@ -265,57 +265,6 @@ fn scan_row(
     }
 }
 
-impl Envelope {
-    /// Applies the envelope to every run of `set` in each row of the window.
-    fn along_rows(&mut self, set: &VoxelSet, lines: &Lines, window: &Window, square: f32, values: &mut [f32]) {
-        for (n, row) in window.lines.clone().zip(values.chunks_exact_mut(window.width())) {
-            self.along_row(lines.row(set.bits(), n), &window.xs, square, row);
-        }
-    }
-
-    /// Applies the envelope to every run of `set` in one row.
-    fn along_row(&mut self, row: &[u64], xs: &Range<usize>, square: f32, values: &mut [f32]) {
-        each_run(row, |r| {
-            let here = &mut values[r.start - xs.start..r.end - xs.start];
-            self.heights.clear();
-            self.heights.extend_from_slice(here);
-            self.lower(square);
-            here.copy_from_slice(&self.heights);
-        });
-    }
-
-    /// Applies the envelope to every run of `set` across the lines of a plane.
-    fn across(&mut self, set: &VoxelSet, lines: &Lines, window: &Window, square: f32, values: &mut [f32]) {
-        let width = window.width();
-        let (first, x0) = (window.lines.start, window.xs.start);
-        let mut start = vec![0usize; width];
-        let mut column = |x: usize, ns: Range<usize>| {
-            let at = |n: usize| (n - first) * width + x;
-            self.heights.clear();
-            self.heights.extend(ns.clone().map(|n| values[at(n)]));
-            self.lower(square);
-            for (n, &v) in ns.zip(&self.heights) {
-                values[at(n)] = v;
-            }
-        };
-        let none = vec![0u64; lines.row(set.bits(), first).len()];
-        for n in window.lines.start..=window.lines.end {
-            let before = if n == first { &none[..] } else { lines.row(set.bits(), n - 1) };
-            let here = if n == window.lines.end { &none[..] } else { lines.row(set.bits(), n) };
-            for (w, (&b, &h)) in before.iter().zip(here).enumerate() {
-                each_bit(b ^ h, |bit| {
-                    let x = 64 * w + bit - x0;
-                    if h >> bit & 1 == 1 {
-                        start[x] = n;
-                    } else {
-                        column(x, start[x]..n);
-                    }
-                });
-            }
-        }
-    }
-}
-
 /// Values of the members in each row of a plane.
 type PlaneRows<'v> = Vec<&'v mut [i16]>;
 
@@ -391,7 +340,7 @@ struct Slice {
     z: Vec<f32>,
     plane: Vec<f32>,
     places: Vec<f32>,
-    envelope: Envelope,
+    parabolas: Parabolas,
 }
 
 impl Slice {
@@ -405,9 +354,9 @@ impl Slice {
         within: &mut [&mut [i16]],
     ) {
         self.scan(walls, asked, (lines, window), spacing);
-        let Self { x, y, envelope, .. } = self;
-        envelope.along_rows(asked, lines, window, spacing[0] * spacing[0], y);
-        envelope.across(asked, lines, window, spacing[1] * spacing[1], x);
+        let Self { x, y, parabolas, .. } = self;
+        parabolas.along_rows(asked, lines, window, spacing[0] * spacing[0], y);
+        parabolas.across(asked, lines, window, spacing[1] * spacing[1], x);
         x.iter_mut().zip(&*y).for_each(|(x, &y)| *x = x.min(y));
         collect(self.unit, asked, lines, (window, &window.lines), &self.x, (0, within));
     }
@@ -430,9 +379,9 @@ impl Slice {
             let near = x.iter().zip(&*y).zip(&*z).map(|((&x, &y), &z)| tangent([x, y, z], squares));
             plane.extend(near);
         }
-        let Self { z, plane, envelope, .. } = self;
-        envelope.along_rows(asked, lines, window, squares[0], z);
-        envelope.across(asked, lines, window, squares[1], z);
+        let Self { z, plane, parabolas, .. } = self;
+        parabolas.along_rows(asked, lines, window, squares[0], z);
+        parabolas.across(asked, lines, window, squares[1], z);
         z.iter_mut().zip(&*plane).for_each(|(z, &p)| *z = z.min(p));
         collect(self.unit, asked, lines, (window, &window.lines), &self.z, (0, across));
     }
@@ -539,12 +488,12 @@ fn in_unit(
     })?;
     let layers = planes(asked, all, &mut values, 2).into_par_iter().enumerate();
     let windows: Result<Vec<Option<Window>>> = layers
-        .map_init(<(Vec<f32>, Envelope)>::default, |(room, envelope), (j, mut rows)| {
+        .map_init(<(Vec<f32>, Parabolas)>::default, |(room, parabolas), (j, mut rows)| {
             let lines = Lines { dims, axis: 2, at: j };
             let window = Window::of(asked, &lines);
             if let Some(window) = &window {
                 spread(unit, asked, &lines, window, &rows, room);
-                envelope.across(asked, &lines, window, spacing[2] * spacing[2], room);
+                parabolas.across(asked, &lines, window, spacing[2] * spacing[2], room);
                 collect(unit, asked, &lines, (window, &window.lines), room, (0, &mut rows));
             }
             progress.advance(1)?;
