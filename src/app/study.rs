@@ -116,7 +116,8 @@ impl Study {
 
     /// Returns the entries of candidates, with ranks from 1. `coats` are those of its wall, if they were looked for.
     pub fn entries(&self, found: &[Candidate], coats: Option<&Coats>) -> Vec<CandidateEntry> {
-        let coated = |c: &Candidate| coats.map(|coats| coats.of(&self.wall, c));
-        found.iter().enumerate().map(|(n, c)| CandidateEntry::new(n + 1, c, &self.along, coated(c))).collect()
+        let coated = coats.map(|coats| coats.of_each(&self.wall, found));
+        let entry = |(n, c)| CandidateEntry::new(n + 1, c, &self.along, coated.as_ref().map(|coated| coated[n]));
+        found.iter().enumerate().map(entry).collect()
     }
 }

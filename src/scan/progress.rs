@@ -31,7 +31,7 @@ struct Job {
     stage: Mutex<String>,
     done: AtomicU64,
     total: AtomicU64,
-    cancelled: AtomicBool,
+    cancelled: Arc<AtomicBool>,
     /// True if the cancellation has ended a call.
     ended: AtomicBool,
     listener: Option<Listener>,
@@ -92,6 +92,12 @@ impl Progress {
             fault: OnceLock::new(),
         };
         Self(Arc::new(Job { listener: Some(listener), ..Job::default() }))
+    }
+
+    /// Returns a job for work that runs beside this one: it is cancelled with it, and its stages are not shown.
+    #[must_use]
+    pub fn beside(&self) -> Self {
+        Self(Arc::new(Job { cancelled: Arc::clone(&self.0.cancelled), ..Job::default() }))
     }
 
     /// Begins a stage of `total` units (bytes, slices, …; 0 if unknown). `name` is shown to the user.
@@ -193,6 +199,18 @@ impl Progress {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn work_beside_a_job_is_cancelled_with_it_and_not_shown() {
+        let progress = Progress::new();
+        progress.stage("reading", 3);
+        let beside = progress.beside();
+        beside.stage("measuring", 5);
+        beside.advance(2).unwrap();
+        assert_eq!(progress.snapshot(), ("reading".to_owned(), 0, 3));
+        progress.cancel();
+        assert!(beside.check().is_err());
+    }
 
     #[test]
     fn a_cancellation_ends_one_call() {

@@ -10,6 +10,7 @@
 //! ∫ max(v − T, 0) = (F − T)(d − zσ) − (F − A)σ(φ(z) − z(1 − Φ(z))), exact for d above about 1.5σ; of a thinner coat
 //! it is a little more.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
@@ -31,6 +32,8 @@ const LEAST_MM2: f64 = 10.0;
 const APART_MM: f32 = 0.35;
 /// The least radius around a candidate, mm.
 const LEAST_RADIUS_MM: f64 = 4.0;
+/// Least edge of the cells by which the wall within balls is found, mm.
+const CELL_MM: f32 = 8.0;
 /// A coat is at least this bright somewhere, HU, and a spot on the mean; above muscle with noise.
 const BRIGHT: f32 = 125.0;
 const SURE: f64 = 145.0;
@@ -209,27 +212,62 @@ impl Coats {
 
     /// Returns how much of the wall within `radius_mm` of a place (world) is coated. `wall` is the one in which the coats were found.
     pub fn at(&self, wall: &Wall, place: DVec3, radius_mm: f64) -> Coated {
-        let middle = (place - wall.origin()).as_vec3();
-        let square = (radius_mm * radius_mm) as f32;
-        let near =
-            (0..wall.len().min(self.mm.len()) as u32).filter(|&v| wall.place(v).distance_squared(middle) <= square);
-        let (mut all, mut coated, mut thick) = (0.0, 0.0, 0.0);
-        for v in near {
-            let (area, mm) = (f64::from(wall.area(v)), f64::from(self.mm[v as usize]));
-            all += area;
-            if mm > 0.0 {
-                coated += area;
-                thick += area * mm;
+        self.within(wall, &[(place, radius_mm)])[0]
+    }
+
+    /// Returns how much of each candidate is coated: of the wall within its diameter and 1 mm beside it, at least 4 mm around its place.
+    pub fn of_each<'c>(&self, wall: &Wall, candidates: impl IntoIterator<Item = &'c Candidate>) -> Vec<Coated> {
+        let ball = |candidate: &Candidate| {
+            let radius = candidate.lesion.as_ref().map_or(0.0, |l| 0.5 * l.diameter_mm + 1.0);
+            (candidate.position, radius.max(LEAST_RADIUS_MM))
+        };
+        self.within(wall, &candidates.into_iter().map(ball).collect::<Vec<_>>())
+    }
+
+    /// Returns how much of the wall is coated within each of some balls (world, mm).
+    fn within(&self, wall: &Wall, balls: &[(DVec3, f64)]) -> Vec<Coated> {
+        let balls = balls.iter().map(|(place, radius)| ((*place - wall.origin()).as_vec3(), *radius as f32));
+        let balls: Vec<(Vec3, f32)> = balls.collect();
+        let mut cells: BTreeMap<[i32; 3], Vec<usize>> = BTreeMap::new();
+        // So that no ball is in many cells.
+        let edge = balls.iter().map(|b| b.1).fold(CELL_MM, f32::max);
+        let cell = |place: Vec3| (place / edge).floor().as_ivec3();
+        for (n, &(middle, radius)) in balls.iter().enumerate() {
+            let [low, high] = [-radius, radius].map(|by| cell(middle + by));
+            for z in low.z..=high.z {
+                for y in low.y..=high.y {
+                    (low.x..=high.x).for_each(|x| cells.entry([x, y, z]).or_default().push(n));
+                }
+            }
+        }
+        let mut sums = vec![[0.0; 3]; balls.len()];
+        let mut near: Option<([i32; 3], &[usize])> = None;
+        for v in 0..wall.len().min(self.mm.len()) as u32 {
+            let place = wall.place(v);
+            let at = cell(place).to_array();
+            // Vertices that follow each other are near to each other.
+            let (_, here) = match near {
+                Some(near) if near.0 == at => near,
+                _ => *near.insert((at, cells.get(&at).map_or(&[][..], |own| own))),
+            };
+            for &n in here {
+                let (middle, radius) = balls[n];
+                if place.distance_squared(middle) > radius * radius {
+                    continue;
+                }
+                let (area, mm) = (f64::from(wall.area(v)), f64::from(self.mm[v as usize]));
+                let [all, coated, thick] = &mut sums[n];
+                *all += area;
+                if mm > 0.0 {
+                    *coated += area;
+                    *thick += area * mm;
+                }
             }
         }
         let share = |part: f64, of: f64| if of > 0.0 { part / of } else { 0.0 };
-        Coated { share: share(coated, all), thickness_mm: share(thick, coated) }
-    }
-
-    /// Returns how much of a candidate is coated: of the wall within its diameter and 1 mm beside it, at least 4 mm around its place.
-    pub fn of(&self, wall: &Wall, candidate: &Candidate) -> Coated {
-        let radius = candidate.lesion.as_ref().map_or(0.0, |l| 0.5 * l.diameter_mm + 1.0);
-        self.at(wall, candidate.position, radius.max(LEAST_RADIUS_MM))
+        let coated =
+            |[all, coated, thick]: [f64; 3]| Coated { share: share(coated, all), thickness_mm: share(thick, coated) };
+        sums.into_iter().map(coated).collect()
     }
 
     /// Returns the thickness of the coat at a vertex of the wall, mm; 0 where there is none.

@@ -58,6 +58,12 @@ fn a_coat_is_found_with_its_area_and_thickness() {
             assert!(here.share > 0.95 && (here.thickness_mm - mm).abs() < 0.35, "{mm} mm: {here:?}");
             assert_eq!(coats.at(&wall, DVec3::new(13.0, 0.0, 0.0), 4.0), Coated::default());
             assert_eq!(coats.at(&wall, DVec3::splat(500.0), 4.0), Coated::default());
+            // Each of several by itself, in one go.
+            let places = [DVec3::ZERO, DVec3::new(13.0, 0.0, 0.0), DVec3::splat(1e300), DVec3::new(0.5, 0.0, 0.2)];
+            let several: Vec<Candidate> = places.map(|p| Candidate::new(p, 1.0)).into();
+            let each = several.iter().map(|c| coats.at(&wall, c.position, 4.0)).collect::<Vec<_>>();
+            assert_eq!(coats.of_each(&wall, &several), each);
+            assert_eq!(each[0], here);
         }
     }
 }

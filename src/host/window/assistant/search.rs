@@ -84,14 +84,15 @@ pub(crate) fn search(input: Input, progress: &Progress) -> Result<Found> {
     // The scores of other crates have scales of their own.
     let is_scaled = |c: &Candidate| c.lesion.is_some() && detectors::BUILT_IN.iter().any(|d| d.name == detector.name);
     let listed = all.into_iter().filter(|c| !is_scaled(c) || c.score >= LEAST_SCORE).take(MOST);
+    let listed: Vec<Candidate> = listed.collect();
+    let coated = coats.of_each(&wall, &listed);
     let mut list = Vec::new();
-    progress.stage("rendering candidates", listed.size_hint().1.unwrap_or(0) as u64);
-    for candidate in listed {
+    progress.stage("rendering candidates", listed.len() as u64);
+    for (candidate, coated) in listed.into_iter().zip(coated) {
         let (view, _) = looks.view(&Subject::of(&candidate, &wall), SIDE)?;
         ask_plugin(name, || Ok(renderer.render(&view, &mut frame)))?;
         let pose = Pose { position: view.position(), attitude: Attitude::new(view.forward(), view.up()) };
         let along = along.of(candidate.position);
-        let coated = coats.of(&wall, &candidate);
         list.push(Entry { candidate, along, coated, pose, picture: frame.pixels().to_vec() });
         progress.advance(1)?;
     }

@@ -8,6 +8,7 @@ use glam::DVec3;
 use super::model::{Along, Line};
 use crate::error::Result;
 use crate::fields::centerline::{self, Cells, Centerline, End, NearestOnLines};
+use crate::fields::cleanse::Changes;
 use crate::fields::lumen::{self, AsScanned, Lumen};
 use crate::fields::{Through, Values, WallDistance, connection};
 use crate::progress::Progress;
@@ -30,6 +31,19 @@ impl Lumen {
         Ok(Arc::clone(self.along.get_or_init(|| Arc::new(found))))
     }
 
+    /// Same as [`Lumen::along`], of a lumen found in `volume` before `changes` were exchanged with its values.
+    ///
+    /// # Errors
+    /// As [`Along::new`].
+    #[doc(hidden)]
+    pub fn along_before(&self, volume: &Volume, changes: &Changes, progress: &Progress) -> Result<Arc<Along>> {
+        if let Some(known) = self.along.get() {
+            return Ok(Arc::clone(known));
+        }
+        let found = Along::of_values(&Values::before(volume, changes), self, progress)?;
+        Ok(Arc::clone(self.along.get_or_init(|| Arc::new(found))))
+    }
+
     /// Takes over the measure along the lumen of the scan as scanned, if it has been computed, so that both give the same
     /// distances.
     #[doc(hidden)]
@@ -48,11 +62,7 @@ impl AsScanned {
             let volume = changes.applied(volume);
             return lumen::find_told(&volume, &self.told, progress)?.along(&volume, progress);
         };
-        if let Some(known) = lumen.along.get() {
-            return Ok(Arc::clone(known));
-        }
-        let found = Along::of_values(&Values::before(volume, changes), lumen, progress)?;
-        Ok(Arc::clone(lumen.along.get_or_init(|| Arc::new(found))))
+        lumen.along_before(volume, changes, progress)
     }
 }
 
