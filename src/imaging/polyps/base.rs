@@ -62,6 +62,12 @@ impl Queue {
         self.bands[band].push(entry);
     }
 
+    fn clear(&mut self) {
+        self.near.clear();
+        self.bands.iter_mut().for_each(Vec::clear);
+        self.at = 0;
+    }
+
     /// Takes the nearest entry that `is_current`, given its distance and vertex; of equal ones the first vertex.
     fn pop(&mut self, is_current: impl Fn(f32, u32) -> bool) -> Option<(f32, u32)> {
         let parts = |entry: u64| (f32::from_bits((entry >> 32) as u32), entry as u32);
@@ -105,10 +111,17 @@ impl Scratch {
         self.mm[v as usize]
     }
 
-    /// Measures the ways from `cap` along the edges of the wall (Dijkstra 1959), up to `far`. Returns the vertices in the
-    /// order of their distance; those of the cap are at 0.
+    /// Measures the ways from `cap` along the edges of the wall, up to `far`. Returns the vertices in the order of their distance; those
+    /// of the cap are at 0.
     pub(crate) fn spread(&mut self, wall: &Wall, cap: &[u32], far: f32) -> Vec<(f32, u32)> {
+        self.begin(cap);
+        std::iter::from_fn(|| self.next(wall, far)).collect()
+    }
+
+    /// Begins to measure the ways from `cap` along the edges of the wall (Dijkstra 1959).
+    fn begin(&mut self, cap: &[u32]) {
         let Self { mm: all, touched, queue } = self;
+        queue.clear();
         for v in touched.drain(..) {
             all[v as usize] = f32::INFINITY;
         }
@@ -117,22 +130,24 @@ impl Scratch {
             touched.push(v);
             queue.push(0.0, v);
         }
-        let mut order = Vec::new();
-        while let Some((mm, v)) = queue.pop(|mm, v| mm <= all[v as usize]) {
-            order.push((mm, v));
-            for &n in wall.beside(v) {
-                let next = mm + wall.place(n).distance(wall.place(v));
-                let known = &mut all[n as usize];
-                if next < *known && next <= far {
-                    if known.is_infinite() {
-                        touched.push(n);
-                    }
-                    *known = next;
-                    queue.push(next, n);
+    }
+
+    /// Returns the next vertex and its distance, up to `far`, which must be the same each time. Until then, farther vertices may seem too far.
+    fn next(&mut self, wall: &Wall, far: f32) -> Option<(f32, u32)> {
+        let Self { mm: all, touched, queue } = self;
+        let (mm, v) = queue.pop(|mm, v| mm <= all[v as usize])?;
+        for &n in wall.beside(v) {
+            let next = mm + wall.place(n).distance(wall.place(v));
+            let known = &mut all[n as usize];
+            if next < *known && next <= far {
+                if known.is_infinite() {
+                    touched.push(n);
                 }
+                *known = next;
+                queue.push(next, n);
             }
         }
-        order
+        Some((mm, v))
     }
 }
 
@@ -159,16 +174,25 @@ pub(crate) struct Base {
 impl Base {
     /// Looks at the surroundings of a cap. Returns `None` if there are none.
     pub(crate) fn of(wall: &Wall, cap: &[u32], scratch: &mut Scratch) -> Option<Self> {
-        let order = scratch.spread(wall, cap, FAR_MM + APART_MM + AROUND_MM);
+        // Most caps are small: only what is asked for is visited.
+        let far = FAR_MM + APART_MM + AROUND_MM;
+        scratch.begin(cap);
+        let mut order = Vec::new();
         let mut rings = [0f32; (FAR_MM / RING_MM) as usize];
-        for &(mm, v) in &order {
-            if let Some(ring) = rings.get_mut((mm / RING_MM) as usize).filter(|_| mm > 0.0) {
-                *ring += wall.area(v);
-            }
-        }
-        rings[0] /= FIRST;
         let (mut narrow, mut end) = (0, rings.len());
         for n in 0..rings.len() {
+            // A ring is whole when one beyond it is reached.
+            while order.last().is_none_or(|&(mm, _)| mm < (n + 1) as f32 * RING_MM)
+                && let Some((mm, v)) = scratch.next(wall, far)
+            {
+                order.push((mm, v));
+                if let Some(ring) = rings.get_mut((mm / RING_MM) as usize).filter(|_| mm > 0.0) {
+                    *ring += wall.area(v);
+                }
+            }
+            if n == 0 {
+                rings[0] /= FIRST;
+            }
             if rings[n] < rings[narrow] {
                 narrow = n;
             }
@@ -184,10 +208,17 @@ impl Base {
         let narrow_mm = narrow as f32 * RING_MM;
         let reach_mm = (end as f32 * RING_MM).min(narrow_mm + FILLET_MM);
         let stalk_mm = if narrow_mm > STALK_MM { narrow_mm } else { 0.0 };
-        let body: Vec<u32> = order.iter().filter(|o| o.0 <= reach_mm).map(|o| o.1).collect();
-        let fold = order.iter().find(|o| o.0 > reach_mm && is_edge(wall, o.1));
-        let fold_mm = fold.map_or(FAR_MM, |o| (o.0 - reach_mm).min(FAR_MM));
         let from = reach_mm + APART_MM;
+        let is_fold = |&(mm, v): &(f32, u32)| mm > reach_mm && is_edge(wall, v);
+        let mut fold = order.iter().copied().find(is_fold);
+        while (fold.is_none() || order.last().is_none_or(|&(mm, _)| mm <= from + AROUND_MM))
+            && let Some(next) = scratch.next(wall, far)
+        {
+            order.push(next);
+            fold = fold.or_else(|| Some(next).filter(is_fold));
+        }
+        let body: Vec<u32> = order.iter().filter(|o| o.0 <= reach_mm).map(|o| o.1).collect();
+        let fold_mm = fold.map_or(FAR_MM, |o| (o.0 - reach_mm).min(FAR_MM));
         let around: Vec<u32> = order.iter().filter(|o| o.0 > from && o.0 <= from + AROUND_MM).map(|o| o.1).collect();
         let normal: Vec3 = around.iter().map(|&v| wall.normal(v) * wall.area(v)).sum();
         let area_mm2: f32 = around.iter().map(|&v| wall.area(v)).sum();

@@ -159,11 +159,9 @@ impl Wall {
 
     /// Smooths normals along the surface in some steps and computes the curvatures; positions stay.
     fn smooth(&mut self, steps: usize, progress: &Progress) -> Result<()> {
-        let places = self.smoothed(&self.places, steps, progress)?;
         // Not of unit length: a mean of normals is shorter, as a mean of positions is nearer to the middle.
-        let facing = std::mem::take(&mut self.normals);
-        let mut normals = self.smoothed(&facing, steps, progress)?;
-        drop(facing);
+        let [places, mut normals] = self.smoothed([&self.places, &self.normals], steps, progress)?;
+        self.normals.clear();
         let curvatures = |v: usize| self.curvatures_at(v as u32, &places, &normals);
         self.curvatures = (0..self.len()).into_par_iter().map(curvatures).collect();
         drop(places);
@@ -264,7 +262,8 @@ impl Wall {
 
     /// Returns the positions, as of [`Wall::place`], smoothed along the surface by [`SMOOTH_MM`].
     pub(crate) fn smooth_places(&self, progress: &Progress) -> Result<Vec<Vec3>> {
-        self.smoothed(&self.places, self.smoothing_steps().min(MOST_STEPS), progress)
+        let [places] = self.smoothed([&self.places], self.smoothing_steps().min(MOST_STEPS), progress)?;
+        Ok(places)
     }
 
     /// Returns the number of steps of [`Wall::smoothed`] that make a Gaussian of [`SMOOTH_MM`].
@@ -287,32 +286,42 @@ impl Wall {
         if sum > 0.0 { ((SMOOTH_MM * SMOOTH_MM * area / sum).round() as usize).max(1) } else { 0 }
     }
 
-    /// Returns values after some steps. In each, a vertex takes the mean of its value and those beside it, weighted by area.
-    fn smoothed(&self, values: &[Vec3], steps: usize, progress: &Progress) -> Result<Vec<Vec3>> {
-        let Some(before_last) = steps.checked_sub(1) else { return Ok(values.to_vec()) };
+    /// Returns some values of each vertex after some steps. In each, a vertex takes the mean of its value and those beside it, weighted by
+    /// area. Values that are smoothed together are read together.
+    fn smoothed<const N: usize>(
+        &self,
+        values: [&[Vec3]; N],
+        steps: usize,
+        progress: &Progress,
+    ) -> Result<[Vec<Vec3>; N]> {
+        let Some(before_last) = steps.checked_sub(1) else { return Ok(values.map(<[Vec3]>::to_vec)) };
         // A value times its area, and the area: so much of the sum is the same for all vertices that read it.
         let weighted = |value: Vec3, v: usize| (value * self.areas[v]).extend(self.areas[v]);
-        let sum =
-            |from: &[Vec4], v: usize| self.beside(v as u32).iter().fold(from[v], |sum, &n| sum + from[n as usize]);
-        let mut from: Vec<Vec4> = values.par_iter().enumerate().map(|(v, value)| weighted(*value, v)).collect();
-        let mut to = vec![Vec4::ZERO; if before_last > 0 { self.len() } else { 0 }];
-        for _ in 0..before_last {
+        let sums = |from: &[[Vec4; N]], v: usize| {
+            self.beside(v as u32).iter().fold(from[v], |mut sums, &n| {
+                sums.iter_mut().zip(&from[n as usize]).for_each(|(sum, value)| *sum += *value);
+                sums
+            })
+        };
+        let own = |v: usize| values.map(|values| weighted(values[v], v));
+        let mut from: Vec<[Vec4; N]> = (0..self.len()).into_par_iter().map(own).collect();
+        let mut to = vec![[Vec4::ZERO; N]; self.len()];
+        for step in 0..steps {
             to.par_iter_mut().enumerate().for_each(|(v, to)| {
-                let sum = sum(&from, v);
+                let sums = sums(&from, v);
                 // Without an area, the value stays and counts for nothing.
-                *to = if sum.w > 0.0 { weighted((sum / sum.w).truncate(), v) } else { from[v] };
+                *to = match sums[0].w > 0.0 {
+                    true if step < before_last => sums.map(|sum| weighted((sum / sum.w).truncate(), v)),
+                    true => sums.map(|sum| sum / sum.w),
+                    false if step < before_last => from[v],
+                    false => values.map(|values| values[v].extend(0.0)),
+                };
             });
             std::mem::swap(&mut from, &mut to);
             progress.check()?;
         }
         drop(to);
-        let last = |(v, value): (usize, &Vec3)| {
-            let sum = sum(&from, v);
-            if sum.w > 0.0 { (sum / sum.w).truncate() } else { *value }
-        };
-        let out = values.par_iter().enumerate().map(last).collect();
-        progress.check()?;
-        Ok(out)
+        Ok(std::array::from_fn(|n| from.par_iter().map(|all| all[n].truncate()).collect()))
     }
 
     /// Returns the principal curvatures of a vertex, for other positions and normals than its own.
