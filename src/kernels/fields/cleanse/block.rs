@@ -174,6 +174,14 @@ impl Block {
 
     /// Returns the values of the scan, HU. Beyond the scan its outermost values are repeated.
     pub(super) fn load(&self, volume: &Volume) -> Vec<f32> {
+        dispatch!(Level::new(), simd => simd.vectorize(
+            #[inline(always)]
+            || self.loaded(volume),
+        ))
+    }
+
+    #[inline(always)]
+    fn loaded(&self, volume: &Volume) -> Vec<f32> {
         let (dims, data) = (volume.grid().dims(), volume.data());
         let within = |n: i64, a: usize| n.clamp(0, dims[a] as i64 - 1) as usize;
         let mut out = Vec::with_capacity(self.len());
@@ -317,7 +325,8 @@ fn bits(count: usize) -> u64 {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Mask {
     block: Block,
-    rows: Vec<u64>,
+    /// Those with the same z follow each other.
+    pub(super) rows: Vec<u64>,
 }
 
 impl Mask {
@@ -356,6 +365,21 @@ impl Mask {
             let mut kept = 0;
             each_bit(*row, |x| kept |= u64::from(is_one(at * nx + x)) << x);
             *row = kept;
+        }
+    }
+
+    /// Keeps the voxels of another set of the same block.
+    pub(super) fn keep_in(&mut self, other: &Self) {
+        self.rows.iter_mut().zip(&other.rows).for_each(|(row, other)| *row &= other);
+    }
+
+    /// Keeps the voxels of a part of the block.
+    pub(super) fn keep_within(&mut self, part: [Range<usize>; 3]) {
+        let along = bits(part[0].end) & !bits(part[0].start);
+        let ny = self.block.dims[1];
+        for (at, row) in self.rows.iter_mut().enumerate() {
+            let is_in = part[1].contains(&(at % ny)) && part[2].contains(&(at / ny));
+            *row &= if is_in { along } else { 0 };
         }
     }
 
@@ -473,6 +497,14 @@ impl CellMeans {
 
     /// Writes the values along a row of voxels that begins at `voxel`.
     pub(super) fn row(&self, voxel: [i64; 3], out: &mut [f32]) {
+        dispatch!(Level::new(), simd => simd.vectorize(
+            #[inline(always)]
+            || self.write_row(voxel, out),
+        ));
+    }
+
+    #[inline(always)]
+    fn write_row(&self, voxel: [i64; 3], out: &mut [f32]) {
         let place = |a: usize, v: i64| {
             let last = self.dims[a] - 1;
             let p = ((v as f32 + 0.5) / self.cell[a] - 0.5 - self.first[a] as f32).clamp(0.0, last as f32);
@@ -496,8 +528,9 @@ impl CellMeans {
             let until = if x + 2 < nx { self.middle(x + 1) - voxel[0] } else { i64::MAX };
             let until = until.clamp(from as i64 + 1, out.len() as i64) as usize;
             let (low, high) = (line(x), line((x + 1).min(nx - 1)));
-            for (n, out) in out[from..until].iter_mut().enumerate() {
-                let p = begin + (from + n) as f32 / self.cell[0];
+            let first = from as i32;
+            for (n, out) in (first..).zip(&mut out[from..until]) {
+                let p = begin + n as f32 / self.cell[0];
                 *out = mix(low, high, p.clamp(0.0, last) - x as f32);
             }
             from = until;

@@ -32,6 +32,7 @@ use super::{For, GAS, SOLID_HU, Scanner, TISSUE, WALL_HU, step};
 use crate::error::Result;
 use crate::fields::Lumen;
 use crate::fields::lumen::frame::AxisDirection;
+use crate::fields::voxels::each_bit;
 use crate::math::normal;
 use crate::progress::Progress;
 use crate::volume::Volume;
@@ -621,7 +622,7 @@ impl Shared<'_> {
         faint = faint.eroded([1; 3]);
         if !faint.is_empty() {
             let near = self.downhill(block, &scan, &fluid);
-            faint.keep(|n| near.has(n));
+            faint.keep_in(&near);
             fluid.add(&faint.dilated([1; 3]));
         }
         let mut usual = vec![0f32; block.len()];
@@ -632,7 +633,7 @@ impl Shared<'_> {
         let mut deep = fluid.clone();
         deep.keep(|n| pool.depth_at(block.voxel(n)) * per_sigma > DEEP);
         let mut pure = fluid.eroded(self.inner);
-        pure.keep(|n| deep.has(n));
+        pure.keep_in(&deep);
         let found = beside.brighter(block, &hu, &usual, [&fluid, &deep, &pure]);
         for (n, row) in found.chunks_exact(nx).enumerate() {
             let at = wide.index(block.voxel(n * nx));
@@ -646,45 +647,69 @@ impl Shared<'_> {
     fn downhill(&self, block: &Block, hu: &[f32], mask: &Mask) -> Mask {
         let within = mask.dilated(reach(self.volume));
         let mut near = mask.clone();
-        let mut open = Vec::new();
+        // By row and x.
+        let mut open: Vec<(usize, usize)> = Vec::new();
         // Around the others there is nothing but fluid.
         let inner = mask.eroded([1; 3]);
-        mask.each(|n| {
-            if !inner.has(n) {
-                open.push(n);
-            }
-        });
-        let strides = block.strides();
+        for (row, (all, inner)) in mask.rows.iter().zip(&inner.rows).enumerate() {
+            each_bit(all & !inner, |x| open.push((row, x)));
+        }
+        let [nx, ny, nz] = block.dims;
         let longest = reach(self.volume).map(|r| (2 * r).min(MARGIN)).into_iter().min().unwrap_or(0);
         for _ in 0..longest {
             let mut next = Vec::new();
-            for n in open {
-                for (stride, count) in strides.into_iter().zip(block.dims) {
-                    let at = n / stride % count;
-                    let [low, high] = [(at > 0).then(|| n - stride), (at + 1 < count).then(|| n + stride)];
-                    for m in low.into_iter().chain(high) {
-                        if !near.has(m) && within.has(m) && hu[m] <= (hu[n] + 0.5 * TEXTURE).max(TISSUE + TEXTURE) {
-                            near.set(m);
-                            next.push(m);
-                        }
+            for (row, x) in open {
+                let most = (hu[row * nx + x] + 0.5 * TEXTURE).max(TISSUE + TEXTURE);
+                let mut visit = |row: usize, x: usize| {
+                    let is_new = (within.rows[row] & !near.rows[row]) >> x & 1 == 1;
+                    if is_new && hu[row * nx + x] <= most {
+                        near.rows[row] |= 1 << x;
+                        next.push((row, x));
                     }
+                };
+                let y = row % ny;
+                if x > 0 {
+                    visit(row, x - 1);
+                }
+                if x + 1 < nx {
+                    visit(row, x + 1);
+                }
+                if y > 0 {
+                    visit(row - 1, x);
+                }
+                if y + 1 < ny {
+                    visit(row + 1, x);
+                }
+                if row >= ny {
+                    visit(row - ny, x);
+                }
+                if row + ny < ny * nz {
+                    visit(row + ny, x);
                 }
             }
             open = next;
         }
-        // A voxel that noise brightens does not belong to another bowel.
-        let mut alone = Vec::new();
-        within.each(|n| {
-            let count = |n: usize, a: usize| {
-                let at = n / strides[a] % block.dims[a];
-                usize::from(at > 0 && near.has(n - strides[a]))
-                    + usize::from(at + 1 < block.dims[a] && near.has(n + strides[a]))
-            };
-            if !near.has(n) && (0..3).map(|a| count(n, a)).sum::<usize>() >= 5 {
-                alone.push(n);
+        // A voxel that noise brightens does not belong to another bowel: at least five of the six beside it are near.
+        let beside = |row: usize, is_in: bool, off: isize| if is_in { near.rows[row.wrapping_add_signed(off)] } else { 0 };
+        let alone = |row: usize| {
+            let (own, y, plane) = (near.rows[row], row % ny, ny as isize);
+            let around = [
+                own << 1,
+                own >> 1,
+                beside(row, y > 0, -1),
+                beside(row, y + 1 < ny, 1),
+                beside(row, row >= ny, -plane),
+                beside(row, row + ny < ny * nz, plane),
+            ];
+            let (mut one, mut more) = (0, 0);
+            for there in around {
+                more |= one & !there;
+                one |= !there;
             }
-        });
-        alone.into_iter().for_each(|n| near.set(n));
+            within.rows[row] & !own & !more
+        };
+        let alone: Vec<u64> = (0..ny * nz).map(alone).collect();
+        near.rows.iter_mut().zip(alone).for_each(|(row, alone)| *row |= alone);
         near
     }
 }

@@ -454,15 +454,11 @@ impl Shared<'_> {
         let gas = block.mask(self.lumen.gas(), |_| true);
         // What may be replaced, and around it as far as it decides on it.
         let mut asked = near.clone();
-        asked.keep(|n| {
-            let v = block.voxel(n);
-            let is_by = |a: usize| {
-                let at = (v[a] - block.first[a]) as usize;
-                let near = (self.rim[a] + self.apart[a]).min(block.margin[a]);
-                at + near >= block.margin[a] && at < block.dims[a] - block.margin[a] + near
-            };
-            around.has(n) && (0..3).all(is_by)
-        });
+        asked.keep_in(&around);
+        asked.keep_within([0, 1, 2].map(|a| {
+            let rim = block.margin[a] - (self.rim[a] + self.apart[a]).min(block.margin[a]);
+            rim..block.dims[a] - rim
+        }));
         let [lump, slab] = self.lumps(&block, &asked, &gas, &hu, &tag);
         let (mut changed, mut looked_at) = (Vec::new(), Vec::new());
         near.each_own(|n, v| {
@@ -546,7 +542,7 @@ impl Shared<'_> {
             }
         });
         let walls = wall.dilated(self.apart);
-        core.keep(|n| !walls.has(n));
+        core.rows.iter_mut().zip(&walls.rows).for_each(|(core, walls)| *core &= !walls);
         let around = core.dilated(self.rim);
         let (mut lump, mut slab) = (core, wall);
         between.each(|n| {

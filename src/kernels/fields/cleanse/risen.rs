@@ -65,14 +65,14 @@ impl Risen {
                 });
             }
         });
-        around.keep(|n| foot.has(n));
+        around.keep_in(&foot);
         // Depth of gas; infinite elsewhere.
         let mut of_gas = vec![f32::INFINITY; hu.len()];
         let (mut dark, mut tag) = (vec![0f32; wide.dims[0]], vec![0f32; wide.dims[0]]);
         let mut row = usize::MAX;
         let least = normal::cdf(LEAST);
         let mut in_reach = around.dilated(far.most);
-        in_reach.keep(|n| gas.has(n));
+        in_reach.keep_in(gas);
         in_reach.each(|n| {
             let x = n % wide.dims[0];
             if row != n - x {
