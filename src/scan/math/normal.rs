@@ -17,9 +17,17 @@ pub fn cdf(x: f64) -> f64 {
 }
 
 /// Returns Φ⁻¹(p), from −6 to 6, by Newton's method, which halves the interval that holds the root where a step would leave it. Order 2;
-/// it stops at steps below 10⁻¹⁴.
+/// it stops at steps below 10⁻¹⁴. It begins where a rational function is, which is right to 4.5·10⁻⁴ (Hastings 1955; Abramowitz and Stegun
+/// 26.2.23).
 pub fn quantile(p: f64) -> f64 {
-    let (mut low, mut high, mut x) = (-6.0, 6.0, 0.0);
+    let (mut low, mut high) = (-6.0, 6.0);
+    let tail = p.min(1.0 - p);
+    let mut x = 0.0;
+    if tail > 1e-8 {
+        let t = (-2.0 * tail.ln()).sqrt();
+        let by = 1.0 + t * (1.432_788 + t * (0.189_269 + t * 0.001_308));
+        x = (t - (2.515_517 + t * (0.802_853 + t * 0.010_328)) / by).copysign(p - 0.5);
+    }
     for _ in 0..60 {
         let error = cdf(x) - p;
         *(if error < 0.0 { &mut low } else { &mut high }) = x;

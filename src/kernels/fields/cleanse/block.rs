@@ -429,15 +429,16 @@ impl Mask {
             .iter()
             .map(|&row| (1..=reach[0]).fold(row, |wide, d| wide | row << d | row >> d) & bits(nx))
             .collect();
-        for (count, stride, reach) in [(ny, 1, reach[1]), (nz, ny, reach[2])] {
-            let from = rows.clone();
-            for (at, row) in rows.iter_mut().enumerate() {
-                let n = at / stride % count;
-                for m in n.saturating_sub(reach)..(n + reach + 1).min(count) {
-                    *row |= from[at - n * stride + m * stride];
-                }
-            }
+        let spread = |to: &mut [u64], from: &[u64], by: usize| {
+            to.iter_mut().zip(&from[by..]).for_each(|(to, from)| *to |= from);
+            to[by..].iter_mut().zip(from).for_each(|(to, from)| *to |= from);
+        };
+        let from = rows.clone();
+        for (to, from) in rows.chunks_exact_mut(ny).zip(from.chunks_exact(ny)) {
+            (1..=reach[1].min(ny - 1)).for_each(|by| spread(to, from, by));
         }
+        let from = rows.clone();
+        (1..=reach[2].min(nz - 1)).for_each(|by| spread(&mut rows, &from, by * ny));
         Self { block: self.block, rows }
     }
 
