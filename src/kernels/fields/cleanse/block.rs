@@ -374,7 +374,7 @@ impl Mask {
     }
 
     /// Keeps the voxels of a part of the block.
-    pub(super) fn keep_within(&mut self, part: [Range<usize>; 3]) {
+    pub(super) fn keep_within(&mut self, part: &[Range<usize>; 3]) {
         let along = bits(part[0].end) & !bits(part[0].start);
         let ny = self.block.dims[1];
         for (at, row) in self.rows.iter_mut().enumerate() {

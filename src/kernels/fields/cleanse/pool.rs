@@ -690,7 +690,8 @@ impl Shared<'_> {
             open = next;
         }
         // A voxel that noise brightens does not belong to another bowel: at least five of the six beside it are near.
-        let beside = |row: usize, is_in: bool, off: isize| if is_in { near.rows[row.wrapping_add_signed(off)] } else { 0 };
+        let beside =
+            |row: usize, is_in: bool, off: isize| if is_in { near.rows[row.wrapping_add_signed(off)] } else { 0 };
         let alone = |row: usize| {
             let (own, y, plane) = (near.rows[row], row % ny, ny as isize);
             let around = [

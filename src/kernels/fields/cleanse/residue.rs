@@ -455,7 +455,7 @@ impl Shared<'_> {
         // What may be replaced, and around it as far as it decides on it.
         let mut asked = near.clone();
         asked.keep_in(&around);
-        asked.keep_within([0, 1, 2].map(|a| {
+        asked.keep_within(&[0, 1, 2].map(|a| {
             let rim = block.margin[a] - (self.rim[a] + self.apart[a]).min(block.margin[a]);
             rim..block.dims[a] - rim
         }));
