@@ -5,7 +5,8 @@ use std::time::Duration;
 /// Time from one picture to the next, at sixty a second.
 #[doc(hidden)]
 pub const FRAME: Duration = Duration::from_micros(16_667);
-/// On a machine that is busy with other tasks, the rate drops to half before pictures become coarser than half their side.
+/// On a machine that is busy with other tasks, the rate drops to half before pictures become coarser than three quarters of the side that
+/// they would have otherwise, and even lower before they become coarser than half of it.
 const SLOW_FRAME: Duration = FRAME.saturating_mul(2);
 /// Share of the frame time planned for a picture and its presentation. The rest is for the simulation and for whatever
 /// cannot be predicted.
@@ -94,10 +95,13 @@ impl FrameBudget {
         let planned = (ms(FRAME) * PLANNED - present_ms).max(ms(FRAME) * LEAST);
         let showing = pixels as u64 / 4 * SHOWING;
         let samples = |ms: f64, ns: f64| ((ms * 1e6 / ns) as u64).saturating_sub(showing);
+        let slow = ms(SLOW_FRAME) * PLANNED;
+        let lasting = time.slowest(LASTING);
         Budget {
             samples: samples(planned, time.slowest(RANK)),
-            lasting: samples(planned * LATE, time.slowest(LASTING)),
-            at_half: samples(ms(SLOW_FRAME) * PLANNED, time.quiet),
+            lasting: samples(planned * LATE, lasting)
+                .max(samples(planned * LATE, time.quiet).min(samples(slow - present_ms, lasting))),
+            at_half: samples(slow, time.quiet),
         }
     }
 
@@ -166,7 +170,11 @@ mod tests {
         assert_eq!(busy.lasting, quiet.lasting, "three hiccups do not last");
         b.took(false, 3_000_000, 0, 18.0);
         b.took(false, 3_000_000, 0, 18.0);
-        assert_eq!(b.next(false, 2.0, 0).lasting, quiet.lasting / 3);
+        // Three quarters of the side come at thirty a second, as far as the quiet machine had them at sixty.
+        let busy = b.next(false, 2.0, 0);
+        let slow = 3e6 * (FRAME.as_secs_f64() * 2e3 * PLANNED - 2.0) / 18.0;
+        assert!((busy.lasting as f64 - slow).abs() < 2.0 && busy.lasting < quiet.lasting, "{busy:?}");
+        assert_eq!(busy.samples, quiet.samples / 3);
         assert_eq!(busy.at_half, quiet.at_half, "a busy machine is no slow one");
         for _ in 0..REMEMBERED {
             b.took(false, 3_000_000, 0, 6.0);
