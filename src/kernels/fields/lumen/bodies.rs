@@ -14,6 +14,7 @@ use super::{choose, ends, fluid, position, septa};
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
+use colvis_scan::memory;
 
 /// The cores of bodies of gas.
 #[derive(Debug)]
@@ -65,9 +66,9 @@ impl Bodies {
     pub(super) fn of(volume: &Volume, core: Core, graph: &Graph, frame: Frame, progress: &Progress) -> Result<Self> {
         let Core { rows: core, count, septa: leaks, hiding } = core;
         let grid = volume.grid();
-        let grown = septa::Grown::of(volume, &core, graph, hiding, progress)?;
-        drop(core);
+        let grown = septa::Grown::of(volume, core, graph, hiding, progress)?;
         let gas = grown.gas();
+        memory::release();
         let (found, fluid) = rayon::join(
             || Self::ends(grid, &gas, graph, 0..count as u32, progress),
             || fluid::find(volume, &gas, count, frame, progress),

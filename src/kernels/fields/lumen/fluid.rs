@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 use super::GAS_HU;
 use super::frame::{AxisDirection, Frame};
+use super::paged::PagedBits;
 use super::runs::{Rows, Run, touching};
 use crate::error::Result;
 use crate::math::sets::Sets;
@@ -227,10 +228,9 @@ struct Flood<'a> {
     down: AxisDirection,
     /// Distance within which neighbours must be bright, voxels along each index axis.
     reach: [i64; 3],
-    /// One bit per voxel: taken by some pool.
-    taken: Vec<u64>,
-    /// Voxels of the pool being flooded.
-    voxels: Vec<u64>,
+    /// The voxels taken by any pool, and by the pool being flooded.
+    taken: PagedBits,
+    own: PagedBits,
     /// Runs of the previous pools, labelled with their pool, and their rows.
     runs: Vec<(u64, Run)>,
     /// Voxels that a pool reached below its own surface but another had taken: the two pools are one.
@@ -240,15 +240,15 @@ struct Flood<'a> {
 impl<'a> Flood<'a> {
     fn new(volume: &'a Volume, gas: &'a Rows, frame: Frame, down: AxisDirection, pools: usize) -> Self {
         let reach = volume.grid().spacing().to_array().map(|s| (PASSAGE_MM / s).round().min(3.0) as i64);
-        let bits = if pools == 0 { 0 } else { volume.grid().len().div_ceil(64) };
+        let voxels = if pools == 0 { 0 } else { volume.grid().len() };
         Self {
             volume,
             gas,
             frame,
             down,
             reach,
-            taken: vec![0; bits],
-            voxels: Vec::new(),
+            taken: PagedBits::new(voxels),
+            own: PagedBits::new(voxels),
             runs: Vec::new(),
             met: Vec::new(),
         }
@@ -286,7 +286,8 @@ impl<'a> Flood<'a> {
                 }
             }
         }
-        let under_surface = self.voxels.len();
+        let mut under_surface = Vec::with_capacity(self.own.count());
+        self.own.each(|v| under_surface.push(v));
         let limit = (POOL_ML / grid.voxel_ml()) as usize;
         let spacing = grid.spacing();
         while let Some(Open { at, left, far }) = open.pop_front() {
@@ -306,30 +307,38 @@ impl<'a> Flood<'a> {
                     }
                 }
             }
-            if self.voxels.len() > limit {
-                for &v in &self.voxels[under_surface..] {
-                    self.taken[v as usize / 64] &= !(1 << (v % 64));
-                }
-                self.voxels.truncate(under_surface);
+            if self.own.count() > limit {
+                let leaked = self.take_own();
+                self.taken.remove(&leaked);
+                under_surface.into_iter().for_each(|v| self.add(v));
                 break;
             }
         }
         self.compress(id);
     }
 
+    /// Adds a voxel to the pool being flooded.
+    fn add(&mut self, voxel: usize) {
+        self.taken.add(voxel);
+        self.own.add(voxel);
+    }
+
+    /// Returns the voxels of the pool being flooded, which then has none.
+    fn take_own(&mut self) -> PagedBits {
+        std::mem::replace(&mut self.own, PagedBits::new(self.volume.grid().len()))
+    }
+
     /// Converts the voxels of a pool to runs.
     fn compress(&mut self, id: u32) {
-        let nx = self.gas.dims()[0] as u64;
-        self.voxels.sort_unstable();
+        let nx = self.gas.dims()[0];
         let first = self.runs.len();
-        for &v in &self.voxels {
-            let (row, x) = (v / nx, (v % nx) as u32);
+        self.take_own().each(|voxel| {
+            let (row, x) = ((voxel / nx) as u64, (voxel % nx) as u32);
             match self.runs[first..].last_mut().filter(|(r, run)| *r == row && run.end == x) {
                 Some((_, run)) => run.end += 1,
                 None => self.runs.push((row, Run { start: x, end: x + 1, label: id })),
             }
-        }
-        self.voxels.clear();
+        });
     }
 
     fn hu(&self, p: [i64; 3]) -> i16 {
@@ -358,13 +367,12 @@ impl<'a> Flood<'a> {
         if self.is_taken(p) || is_gas() {
             return false;
         }
-        self.taken[v / 64] |= 1 << (v % 64);
-        self.voxels.push(v as u64);
+        self.add(v);
         true
     }
 
     fn is_taken(&self, p: [i64; 3]) -> bool {
-        self.linear(p).is_some_and(|v| self.taken[v / 64] >> (v % 64) & 1 == 1)
+        self.linear(p).is_some_and(|v| self.taken.has(v))
     }
 
     fn linear(&self, p: [i64; 3]) -> Option<usize> {
@@ -377,7 +385,7 @@ impl<'a> Flood<'a> {
 impl Flood<'_> {
     /// Joins the pools that touch.
     fn finish(mut self, pools: &[Pool], count: usize) -> Result<Fluid> {
-        drop(self.taken);
+        drop((self.taken, self.own));
         self.runs.sort_unstable_by_key(|(row, run)| (*row, run.start));
         let dims @ [_, ny, nz] = self.gas.dims();
         let mut slices: Vec<(Vec<u32>, Vec<Run>)> = vec![(vec![0; ny], Vec::new()); nz];

@@ -58,12 +58,12 @@ struct Slab {
 #[derive(Clone, Debug, Default)]
 struct Slice {
     runs: Vec<Run>,
-    offsets: Vec<usize>,
+    offsets: Vec<u32>,
 }
 
 impl Slice {
     fn row(&self, j: usize) -> &[Run] {
-        &self.runs[self.offsets[j]..self.offsets[j + 1]]
+        &self.runs[self.offsets[j] as usize..self.offsets[j + 1] as usize]
     }
 
     /// Cuts the runs at the sides of cells and labels them with their number, counted from `first`. Only what lies in a cell for which
@@ -78,7 +78,7 @@ impl Slice {
                     }
                 }
             }
-            out.offsets.push(out.runs.len());
+            out.offsets.push(out.runs.len() as u32);
         }
         out
     }
@@ -115,6 +115,7 @@ impl Graph {
         let mut graph = Self { nodes: Vec::new(), neighbours: Neighbours::new(sums.len(), &links) };
         drop(links);
         graph.measure(grid, side, sums);
+        colvis_scan::memory::release();
         Ok(graph)
     }
 
@@ -168,7 +169,8 @@ impl Graph {
                 Ok(shared_cells(rows, cells, layer))
             })
             .collect::<Result<_>>()?;
-        Rows::gather(dims, |k| {
+        // Room that is not used is no memory.
+        Rows::gather_about(dims, 4 * rows.runs().len(), |k| {
             let shared = &slabs[k / side[2]][k % side[2]];
             let (mut runs, mut lengths): (Vec<Run>, _) = (Vec::new(), Vec::with_capacity(dims[1]));
             for j in 0..dims[1] {
@@ -236,7 +238,7 @@ fn slab(rows: &Rows, side: [usize; 3], ks: Range<usize>) -> Slab {
             let mut whole = rows.row(j, k).iter();
             let mut of = whole.next();
             for n in slice.offsets[j]..slice.offsets[j + 1] {
-                let run = &mut slice.runs[n];
+                let run = &mut slice.runs[n as usize];
                 while of.is_some_and(|r| r.end <= run.start) {
                     of = whole.next();
                 }
@@ -310,7 +312,7 @@ fn shared_cells(rows: &Rows, cells: &Cells, layer: usize) -> Vec<Slice> {
     for slice in &mut slices {
         for j in 0..ny {
             for n in slice.offsets[j]..slice.offsets[j + 1] {
-                let run = &mut slice.runs[n];
+                let run = &mut slice.runs[n as usize];
                 let own = &mut node[piece[run.label as usize] as usize];
                 if *own == Cells::NONE {
                     let next = &mut open[run.start as usize / side[0] + cells.dims[0] * (j / side[1])];

@@ -4,6 +4,7 @@ use super::runs::{Rows, Run};
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::volume::Volume;
+use colvis_scan::memory;
 
 /// Grows every labelled run by the voxels at or below `limit` HU that are 6-connected to it within `rounds` voxels.
 /// Where two labels meet, the smaller one wins.
@@ -14,13 +15,16 @@ pub(super) fn grow(volume: &Volume, mut rows: Rows, limit: i16, rounds: usize, p
             break;
         }
         rows = grown;
+        // The rows before it are as large.
+        memory::release();
     }
     Ok(rows)
 }
 
 fn layer(volume: &Volume, rows: &Rows, limit: i16, progress: &Progress) -> Result<Rows> {
     let dims @ [nx, ny, nz] = rows.dims();
-    Rows::gather(dims, |k| {
+    // Room that is not used is no memory.
+    Rows::gather_about(dims, 2 * rows.runs().len(), |k| {
         progress.check()?;
         let mut out = Vec::new();
         let mut lengths = Vec::with_capacity(ny);

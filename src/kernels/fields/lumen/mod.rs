@@ -23,6 +23,7 @@ mod names;
 mod not_colon;
 mod order;
 mod others;
+mod paged;
 mod position;
 pub(in crate::fields) mod residue;
 pub(in crate::fields) mod runs;

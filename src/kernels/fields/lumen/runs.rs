@@ -58,7 +58,17 @@ impl Rows {
         dims: [usize; 3],
         slice: impl Fn(usize) -> Result<(Vec<u32>, Vec<Run>)> + Sync,
     ) -> Result<Self> {
+        Self::gather_about(dims, 0, slice)
+    }
+
+    /// Same as [`Rows::gather`], with room for about so many runs from the beginning.
+    pub(crate) fn gather_about(
+        dims: [usize; 3],
+        count: usize,
+        slice: impl Fn(usize) -> Result<(Vec<u32>, Vec<Run>)> + Sync,
+    ) -> Result<Self> {
         let mut rows = Self::without_rows(dims);
+        rows.runs.reserve(count);
         for first in (0..dims[2]).step_by(SLICES) {
             let batch = (first..(first + SLICES).min(dims[2])).into_par_iter().map(&slice);
             batch.collect::<Result<Vec<_>>>()?.into_iter().try_for_each(|s| rows.append(s))?;

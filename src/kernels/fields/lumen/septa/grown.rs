@@ -44,7 +44,7 @@ pub(in crate::fields::lumen) struct Grown {
 impl Grown {
     /// Grows the core, whose runs made `graph`, to the wall's middle. How far apart parts are that should not meet depends on what
     /// hides septa, if anything.
-    pub(crate) fn of(volume: &Volume, core: &Rows, graph: &Graph, hiding: Hiding, progress: &Progress) -> Result<Self> {
+    pub(crate) fn of(volume: &Volume, core: Rows, graph: &Graph, hiding: Hiding, progress: &Progress) -> Result<Self> {
         let grid = volume.grid();
         let far = graph.far_hops(grid, hiding.far_mm());
         let places = Places::of(grid, graph, hops(graph));
@@ -64,7 +64,11 @@ impl Grown {
             }
             number[node as usize] = hops.len() as u32 - 1;
         }
-        let parts = graph.labelled(&places.cells, core, |node| number[node as usize], progress)?;
+        drop((nodes, alone));
+        let parts = graph.labelled(&places.cells, &core, |node| number[node as usize], progress)?;
+        // What is grown next is most of what this search has in memory.
+        drop((core, number));
+        colvis_scan::memory::release();
         let parts = grow(volume, parts, GAS_HU, GROWTH, progress)?;
         Ok(Self { parts, hops, labels, places, far, hiding })
     }

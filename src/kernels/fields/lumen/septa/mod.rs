@@ -79,7 +79,7 @@ pub(super) fn leaks(volume: &Volume, core: &Rows, hiding: Hiding, progress: &Pro
     let least = (BUBBLE_ML / volume.grid().voxel_ml()) as u64;
     let parted = parted.select(|p| (voxels[p as usize] >= least).then_some(0));
     let graph = Graph::of(volume.grid(), &parted, progress)?;
-    Grown::of(volume, &parted, &graph, hiding, progress)?.septa(volume, None, progress)
+    Grown::of(volume, parted, &graph, hiding, progress)?.septa(volume, None, progress)
 }
 
 /// Returns the voxels of rows that are at or below `limit` HU.
