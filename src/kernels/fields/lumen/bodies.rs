@@ -162,7 +162,7 @@ impl Bodies {
                 segment
             })
             .collect();
-        let [gas, fluid] = [self.gas, self.fluid].map(|rows| rows.select(|label| Some(place[label as usize])));
+        let [gas, fluid] = [self.gas, self.fluid].map(|rows| rows.relabelled(|label| place[label as usize]));
         let lying = position::lying(frame, self.down, landmarks.as_ref(), volume.header_position());
         let ordered = order.trusted && landmarks.as_ref().is_none_or(|l| !l.is_chest());
         let septa = self.septa;

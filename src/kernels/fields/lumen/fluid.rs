@@ -92,6 +92,7 @@ pub(super) fn find(volume: &Volume, gas: &Rows, count: usize, frame: Frame, prog
     }
     let sure = found[0].1.len() >= SURE * found[1].1.len();
     let (down, columns) = found.swap_remove(0);
+    drop(found);
     let pools = if sure { pools(volume.grid(), frame, down, columns) } else { Vec::new() };
     let surface: usize = pools.iter().map(|p| p.columns.len()).sum();
     let told = surface as f64 * cell_mm2(volume.grid(), frame, down) >= TELLING_MM2;
@@ -432,9 +433,9 @@ impl Flood<'_> {
                 [0, 1, 2].map(|a| at[a] + above[a])
             }));
         }
-        let pools_rows = rows.select(|pool| Some(roots[pool as usize] as u32));
-        let labelled = rows.select(|pool| Some(pools[roots[pool as usize]].label));
-        Ok(Fluid { rows: labelled, joined, down: None, pools: pools_rows, levels })
+        let of_roots = rows.relabelled(|pool| roots[pool as usize] as u32);
+        let labelled = of_roots.clone().relabelled(|root| pools[root as usize].label);
+        Ok(Fluid { rows: labelled, joined, down: None, pools: of_roots, levels })
     }
 }
 

@@ -162,16 +162,7 @@ impl Graph {
         progress: &Progress,
     ) -> Result<Rows> {
         let (side, dims) = (cells.side, rows.dims());
-        let slabs: Vec<Vec<Slice>> = (0..dims[2].div_ceil(side[2]))
-            .into_par_iter()
-            .map(|layer| {
-                progress.check()?;
-                Ok(shared_cells(rows, cells, layer))
-            })
-            .collect::<Result<_>>()?;
-        // Room that is not used is no memory.
-        Rows::gather_about(dims, 4 * rows.runs().len(), |k| {
-            let shared = &slabs[k / side[2]][k % side[2]];
+        let slice = |k: usize, shared: &Slice| {
             let (mut runs, mut lengths): (Vec<Run>, _) = (Vec::new(), Vec::with_capacity(dims[1]));
             for j in 0..dims[1] {
                 let before = runs.len();
@@ -188,7 +179,13 @@ impl Graph {
                 }
                 lengths.push((runs.len() - before) as u32);
             }
-            Ok((lengths, runs))
+            (lengths, runs)
+        };
+        // Room that is not used is no memory.
+        Rows::gather_layers(dims, side[2], 4 * rows.runs().len(), |layer| {
+            progress.check()?;
+            let shared = shared_cells(rows, cells, layer);
+            Ok((layer * side[2]..).zip(&shared).map(|(k, shared)| slice(k, shared)).collect())
         })
     }
 

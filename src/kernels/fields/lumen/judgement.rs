@@ -146,8 +146,8 @@ impl Bodies {
             // What is dropped gets a label that nothing asks for.
             node.label = label[node.label as usize].unwrap_or(u32::MAX);
         }
-        let gas = self.gas.select(|n| label[n as usize]).joined();
-        let fluid = self.fluid.select(|n| label[n as usize]).joined();
+        let gas = self.gas.joined(|_, r| label[r.label as usize]);
+        let fluid = self.fluid.joined(|_, r| label[r.label as usize]);
         let mut parts = vec![Vec::new(); count];
         for (n, l) in label.iter().enumerate() {
             if let Some(l) = l {

@@ -137,7 +137,7 @@ impl Others {
             let body = &mut bodies[*n as usize];
             body.why = self.why(body.kind, bounds[set]);
         }
-        let rows = all.pick(|n, _| Some(number[of[n] as usize])).joined();
+        let rows = all.joined(|n, _| Some(number[of[n] as usize]));
         let mut map = KindMap { bodies, grid: grid.clone(), rows };
         for (at, kind) in told {
             if let Some((n, _)) = map.nearest(*at, SNAP_MM) {

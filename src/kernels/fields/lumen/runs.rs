@@ -67,11 +67,22 @@ impl Rows {
         count: usize,
         slice: impl Fn(usize) -> Result<(Vec<u32>, Vec<Run>)> + Sync,
     ) -> Result<Self> {
+        Self::gather_layers(dims, 1, count, |k| Ok(vec![slice(k)?]))
+    }
+
+    /// Same as [`Rows::gather_about`], by layers of so many slices; the last one may have fewer. `layer` returns the slices of a layer.
+    pub(crate) fn gather_layers(
+        dims: [usize; 3],
+        thickness: usize,
+        count: usize,
+        layer: impl Fn(usize) -> Result<Vec<(Vec<u32>, Vec<Run>)>> + Sync,
+    ) -> Result<Self> {
         let mut rows = Self::without_rows(dims);
         rows.runs.reserve(count);
-        for first in (0..dims[2]).step_by(SLICES) {
-            let batch = (first..(first + SLICES).min(dims[2])).into_par_iter().map(&slice);
-            batch.collect::<Result<Vec<_>>>()?.into_iter().try_for_each(|s| rows.append(s))?;
+        let (layers, some) = (dims[2].div_ceil(thickness), SLICES.div_ceil(thickness));
+        for first in (0..layers).step_by(some) {
+            let batch = (first..(first + some).min(layers)).into_par_iter().map(&layer);
+            batch.collect::<Result<Vec<_>>>()?.into_iter().flatten().try_for_each(|s| rows.append(s))?;
         }
         rows.runs.shrink_to_fit();
         Ok(rows)
@@ -190,6 +201,12 @@ impl Rows {
         self.pick(|_, r| keep(r.label))
     }
 
+    /// Replaces the label of each run.
+    pub(crate) fn relabelled(mut self, label: impl Fn(u32) -> u32) -> Self {
+        self.runs.iter_mut().for_each(|r| r.label = label(r.label));
+        self
+    }
+
     /// Keeps the runs that `keep`, given a run's number and the run, maps to a new label.
     pub(crate) fn pick(&self, keep: impl Fn(usize, Run) -> Option<u32>) -> Self {
         let mut out = Self { dims: self.dims, offsets: Vec::with_capacity(self.offsets.len()), runs: Vec::new() };
@@ -220,16 +237,21 @@ impl Rows {
         out
     }
 
-    /// Joins runs of one label that follow each other without a gap.
-    pub(crate) fn joined(&self) -> Self {
+    /// Keeps the runs that `keep`, given a run's number and the run, maps to a new label, and joins those of one label that follow each other
+    /// without a gap.
+    pub(crate) fn joined(&self, keep: impl Fn(usize, Run) -> Option<u32>) -> Self {
         let mut out = Self { dims: self.dims, offsets: Vec::with_capacity(self.offsets.len()), runs: Vec::new() };
+        // Room that is not used is no memory.
+        out.runs.reserve(self.runs.len());
         out.offsets.push(0);
         for row in self.offsets.windows(2) {
             let first = out.runs.len();
-            for &run in &self.runs[row[0] as usize..row[1] as usize] {
+            for n in row[0] as usize..row[1] as usize {
+                let run = self.runs[n];
+                let Some(label) = keep(n, run) else { continue };
                 match out.runs[first..].last_mut() {
-                    Some(last) if last.end == run.start && last.label == run.label => last.end = run.end,
-                    _ => out.runs.push(run),
+                    Some(last) if last.end == run.start && last.label == label => last.end = run.end,
+                    _ => out.runs.push(Run { label, ..run }),
                 }
             }
             out.offsets.push(out.runs.len() as u32);

@@ -75,7 +75,7 @@ impl Grown {
 
     /// Returns the gas, labelled as the core is.
     pub(crate) fn gas(&self) -> Rows {
-        self.parts.select(|part| Some(self.labels[part as usize])).joined()
+        self.parts.joined(|_, part| Some(self.labels[part.label as usize]))
     }
 
     /// Returns the voxels of septa, linear indices, ascending.
