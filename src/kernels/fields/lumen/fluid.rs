@@ -7,6 +7,7 @@
 
 use std::collections::VecDeque;
 
+use colvis_scan::memory;
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -93,6 +94,7 @@ pub(super) fn find(volume: &Volume, gas: &Rows, count: usize, frame: Frame, prog
     let sure = found[0].1.len() >= SURE * found[1].1.len();
     let (down, columns) = found.swap_remove(0);
     drop(found);
+    memory::release();
     let pools = if sure { pools(volume.grid(), frame, down, columns) } else { Vec::new() };
     let surface: usize = pools.iter().map(|p| p.columns.len()).sum();
     let told = surface as f64 * cell_mm2(volume.grid(), frame, down) >= TELLING_MM2;

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use colvis_scan::memory;
 use rayon::prelude::*;
 
 use super::Hiding;
@@ -65,10 +66,11 @@ impl Grown {
             number[node as usize] = hops.len() as u32 - 1;
         }
         drop((nodes, alone));
+        memory::release();
         let parts = graph.labelled(&places.cells, &core, |node| number[node as usize], progress)?;
         // What is grown next is most of what this search has in memory.
         drop((core, number));
-        colvis_scan::memory::release();
+        memory::release();
         let parts = grow(volume, parts, GAS_HU, GROWTH, progress)?;
         Ok(Self { parts, hops, labels, places, far, hiding })
     }
