@@ -21,6 +21,7 @@
 #[doc(hidden)]
 pub mod compare;
 mod envelope;
+mod lines;
 mod of_lumen;
 mod parabolas;
 pub(in crate::fields) mod spline;

@@ -9,7 +9,7 @@ use std::ops::Range;
 use fearless_simd::{Level, Simd, dispatch};
 
 use super::envelope::Envelope;
-use super::transform::{Lines, Window};
+use super::lines::{Lines, Window};
 use crate::fields::voxels::{VoxelSet, each_bit, each_run};
 
 /// Voxels that are worked on at once, and their values, mm².
