@@ -132,7 +132,8 @@ impl Scratch {
         }
     }
 
-    /// Returns the next vertex and its distance, up to `far`, which must be the same each time. Until then, farther vertices may seem too far.
+    /// Returns the nearest vertex that it has not returned yet, and its distance, up to `far`, which must be the same each time. Distances
+    /// of those that it has not returned may still shrink.
     fn next(&mut self, wall: &Wall, far: f32) -> Option<(f32, u32)> {
         let Self { mm: all, touched, queue } = self;
         let (mm, v) = queue.pop(|mm, v| mm <= all[v as usize])?;
