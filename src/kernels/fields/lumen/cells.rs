@@ -16,10 +16,22 @@ pub(super) struct Cells {
     pub side: [usize; 3],
     /// Cells along each axis.
     pub dims: [usize; 3],
-    /// The first node of each cell, x fastest, or [`Cells::NONE`].
+    /// Of each row of cells along x: most cells of a body hold no gas.
+    rows: Vec<Row>,
+    /// The first node of each cell of the rows, one row after the other, or [`Cells::NONE`].
     first: Vec<u32>,
     /// The next node of the same cell for each node, or [`Cells::NONE`].
     next: Vec<u32>,
+}
+
+/// The part of a row of cells that has nodes.
+#[derive(Clone, Copy, Debug)]
+struct Row {
+    /// The first cell, and the number of cells.
+    from: u32,
+    len: u32,
+    /// The place of the first cell in [`Cells::first`].
+    at: u32,
 }
 
 impl Cells {
@@ -28,34 +40,51 @@ impl Cells {
 
     /// Sorts the nodes of a map into cells, given the mean of each one's voxels (world, mm): it is inside the node's cell, by half a
     /// voxel at least.
-    pub(super) fn of(grid: &Grid, centres: impl DoubleEndedIterator<Item = DVec3> + ExactSizeIterator) -> Self {
+    pub(super) fn of(grid: &Grid, centres: impl DoubleEndedIterator<Item = DVec3> + ExactSizeIterator + Clone) -> Self {
         let side = cell(grid);
         let dims: [usize; 3] = std::array::from_fn(|a| grid.dims()[a].div_ceil(side[a]));
-        let first = vec![Self::NONE; dims.iter().product()];
-        let mut out = Self { side, dims, first, next: vec![Self::NONE; centres.len()] };
-        for (n, centre) in centres.enumerate().rev() {
+        let cell_of = |centre: DVec3| {
             let voxel = (grid.voxel(centre) + 0.5).to_array();
-            let cell = out.index([0, 1, 2].map(|a| (voxel[a].max(0.0) as usize / side[a]).min(dims[a] - 1)));
-            out.next[n] = std::mem::replace(&mut out.first[cell], n as u32);
+            [0, 1, 2].map(|a| (voxel[a].max(0.0) as usize / side[a]).min(dims[a] - 1))
+        };
+        let mut rows = vec![Row { from: u32::MAX, len: 0, at: 0 }; dims[1] * dims[2]];
+        for [i, j, k] in centres.clone().map(cell_of) {
+            let row = &mut rows[j + dims[1] * k];
+            let end = (row.from.saturating_add(row.len)).max(i as u32 + 1);
+            let (from, end) = if row.len == 0 { (i as u32, i as u32 + 1) } else { (row.from.min(i as u32), end) };
+            (row.from, row.len) = (from, end - from);
+        }
+        let mut count = 0;
+        for row in &mut rows {
+            row.at = count;
+            count += row.len;
+        }
+        let mut out =
+            Self { side, dims, rows, first: vec![Self::NONE; count as usize], next: vec![Self::NONE; centres.len()] };
+        for (n, centre) in centres.enumerate().rev() {
+            if let Some(at) = out.place(cell_of(centre)) {
+                out.next[n] = std::mem::replace(&mut out.first[at], n as u32);
+            }
         }
         out
     }
 
-    /// Returns the linear index of a cell.
-    pub(crate) fn index(&self, [i, j, k]: [usize; 3]) -> usize {
-        i + self.dims[0] * (j + self.dims[1] * k)
+    /// Returns the place of a cell in [`Cells::first`]; `None` if its row has no nodes there.
+    fn place(&self, [i, j, k]: [usize; 3]) -> Option<usize> {
+        let Row { from, len, at } = self.rows[j + self.dims[1] * k];
+        let n = (i as u32).wrapping_sub(from);
+        (n < len).then_some((at + n) as usize)
     }
 
-    /// Returns the nodes of a cell (linear index), ascending.
-    pub(crate) fn nodes(&self, cell: usize) -> impl Iterator<Item = u32> + '_ {
+    /// Returns the first node of a cell, or [`Cells::NONE`].
+    pub(super) fn first(&self, cell: [usize; 3]) -> u32 {
+        self.place(cell).map_or(Self::NONE, |at| self.first[at])
+    }
+
+    /// Returns the nodes of a cell, ascending.
+    pub(super) fn nodes(&self, cell: [usize; 3]) -> impl Iterator<Item = u32> + '_ {
         let follow = |n: u32| Some(n).filter(|&n| n != Self::NONE);
-        std::iter::successors(follow(self.first[cell]), move |&n| follow(self.next[n as usize]))
-    }
-
-    /// Returns the first node of each cell of a layer, x fastest, or [`Cells::NONE`].
-    pub(super) fn first_of_layer(&self, k: usize) -> &[u32] {
-        let count = self.dims[0] * self.dims[1];
-        &self.first[count * k..count * (k + 1)]
+        std::iter::successors(follow(self.first(cell)), move |&n| follow(self.next[n as usize]))
     }
 
     /// Returns the node after `n` in its cell, or [`Cells::NONE`].
@@ -63,10 +92,23 @@ impl Cells {
         self.next[n as usize]
     }
 
-    /// Returns the node of a cell (linear index) that has only one.
-    pub(super) fn only(&self, cell: usize) -> Option<u32> {
-        let n = self.first[cell];
+    /// Returns the node of a cell that has only one.
+    pub(super) fn only(&self, cell: [usize; 3]) -> Option<u32> {
+        let n = self.first(cell);
         (n != Self::NONE && self.next[n as usize] == Self::NONE).then_some(n)
+    }
+
+    /// Returns the ranges of the cells that have nodes; empty ones if there are no nodes.
+    pub(super) fn bounds(&self) -> [Range<usize>; 3] {
+        let mut out = self.dims.map(|n| n..0);
+        for (n, row) in self.rows.iter().enumerate().filter(|(_, row)| row.len > 0) {
+            let x = row.from as usize..(row.from + row.len) as usize;
+            let [y, z] = [n % self.dims[1], n / self.dims[1]].map(|c| c..c + 1);
+            for (all, own) in out.iter_mut().zip([x, y, z]) {
+                *all = all.start.min(own.start)..all.end.max(own.end);
+            }
+        }
+        out
     }
 }
 

@@ -167,9 +167,9 @@ impl Graph {
             for j in 0..dims[1] {
                 let before = runs.len();
                 let mut shared = shared.row(j).iter();
-                let row = cells.index([0, j / side[1], k / side[2]]);
+                let cell = |i: usize| [i, j / side[1], k / side[2]];
                 for x in rows.row(j, k).iter().flat_map(|r| by_cells(r.start..r.end, side[0])) {
-                    let only = cells.only(row + x.start as usize / side[0]);
+                    let only = cells.only(cell(x.start as usize / side[0]));
                     let Some(node) = only.or_else(|| shared.next().map(|r| r.label)) else { continue };
                     let label = label(node);
                     match runs[before..].last_mut() {
@@ -299,20 +299,20 @@ fn connected(slices: &[Slice], side: [usize; 3], mut contact: impl FnMut(u32, u3
 /// Returns the runs of a layer of cells that lie in cells of several nodes, labelled with their nodes.
 fn shared_cells(rows: &Rows, cells: &Cells, layer: usize) -> Vec<Slice> {
     let (side, [_, ny, nz]) = (cells.side, rows.dims());
-    let cell = |i: usize, j: usize| cells.index([i, j, layer]);
     let ks = layer * side[2]..((layer + 1) * side[2]).min(nz);
-    let mut slices = cut_all(rows, side, ks, |i, j| cells.only(cell(i, j)).is_none());
+    let mut slices = cut_all(rows, side, ks, |i, j| cells.only([i, j, layer]).is_none());
     let (piece, count) = connected(&slices, side, |_, _| {});
     // Pieces and nodes of a cell are both in the order of their first runs.
     let mut node = vec![Cells::NONE; count];
-    let mut open = cells.first_of_layer(layer).to_vec();
+    let [nx, ny_cells, _] = cells.dims;
+    let mut open: Vec<u32> = (0..nx * ny_cells).map(|n| cells.first([n % nx, n / nx, layer])).collect();
     for slice in &mut slices {
         for j in 0..ny {
             for n in slice.offsets[j]..slice.offsets[j + 1] {
                 let run = &mut slice.runs[n as usize];
                 let own = &mut node[piece[run.label as usize] as usize];
                 if *own == Cells::NONE {
-                    let next = &mut open[run.start as usize / side[0] + cells.dims[0] * (j / side[1])];
+                    let next = &mut open[run.start as usize / side[0] + nx * (j / side[1])];
                     *own = *next;
                     *next = cells.next(*next);
                 }
@@ -359,7 +359,9 @@ mod tests {
         let (grid, rows) = speckled();
         let graph = Graph::of(&grid, &rows, &progress).unwrap();
         let cells = graph.cells(&grid);
-        assert!((0..cells.dims.iter().product()).filter(|&c| cells.nodes(c).count() > 1).count() > 100);
+        let [nx, ny, nz] = cells.dims;
+        let shared = (0..nx * ny * nz).filter(|n| cells.nodes([n % nx, n / nx % ny, n / nx / ny]).count() > 1);
+        assert!(shared.count() > 100);
         let labelled = graph.labelled(&cells, &rows, |n| n, &progress).unwrap();
         let mut sums = vec![(DVec3::ZERO, 0); graph.nodes.len()];
         for (j, k, r) in labelled.iter() {

@@ -70,11 +70,9 @@ impl Places {
     /// another piece of gas.
     pub(super) fn alone(&self, voxels: usize, far: u32) -> Vec<bool> {
         let reach = self.cells.side.map(|side| voxels.div_ceil(side));
-        let [xs, ys, zs] = self.bounds();
+        let [xs, ys, zs] = self.cells.bounds();
         let [nx, ny] = [xs.len(), ys.len()];
-        let nodes = |i: usize, j: usize, k: usize| {
-            self.cells.nodes(self.cells.index([xs.start + i, ys.start + j, zs.start + k]))
-        };
+        let nodes = |i: usize, j: usize, k: usize| self.cells.nodes([xs.start + i, ys.start + j, zs.start + k]);
         // Along x and y within each layer of cells; the layers are few, and looked at for each node.
         let layer = |k: usize| {
             let mut spans = vec![Span::NONE; nx * ny];
@@ -101,25 +99,11 @@ impl Places {
         alone
     }
 
-    /// Returns the ranges of the cells that have nodes.
-    fn bounds(&self) -> [Range<usize>; 3] {
-        let [nx, ny, nz] = self.cells.dims;
-        let mut out = [nx..0, ny..0, nz..0];
-        for (k, j, i) in (0..nz).flat_map(|k| (0..ny).flat_map(move |j| (0..nx).map(move |i| (k, j, i)))) {
-            if self.cells.nodes(self.cells.index([i, j, k])).next().is_some() {
-                for (range, at) in out.iter_mut().zip([i, j, k]) {
-                    *range = range.start.min(at)..range.end.max(at + 1);
-                }
-            }
-        }
-        out
-    }
-
     /// Returns where a node of the cell of a voxel is, or one of the cells around it.
     pub(super) fn near(&self, voxel: [usize; 3]) -> Option<Hop> {
         let cells = &self.cells;
         let at = [0, 1, 2].map(|a| voxel[a] / cells.side[a]);
-        let first = |cell: [usize; 3]| cells.nodes(cells.index(cell)).map(|n| self.hop(n)).min();
+        let first = |cell: [usize; 3]| cells.nodes(cell).map(|n| self.hop(n)).min();
         let range = |a: usize| at[a].saturating_sub(1)..(at[a] + 2).min(cells.dims[a]);
         let mut around = range(2).flat_map(|k| range(1).flat_map(move |j| range(0).map(move |i| [i, j, k])));
         first(at).or_else(|| around.find_map(first))
@@ -160,7 +144,7 @@ mod tests {
         for cell in 0..cells.dims.iter().product() {
             let at = [cell % cells.dims[0], cell / cells.dims[0] % cells.dims[1], cell / cells.dims[0] / cells.dims[1]];
             let random = hash::uniform(3, cell as u64);
-            for n in cells.nodes(cell) {
+            for n in cells.nodes(at) {
                 let far = if random > 0.98 { 30 } else { 0 };
                 let piece = u32::from((0.97..0.98).contains(&random));
                 hops[n as usize] = Hop { piece, contacts: at.iter().sum::<usize>() as u32 + far };
