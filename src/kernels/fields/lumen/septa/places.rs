@@ -1,7 +1,5 @@
 //! Nodes of the gas's map by their cell: what is near what in space, and how far away it is in the gas.
 
-use std::ops::Range;
-
 use rayon::prelude::*;
 
 use crate::fields::lumen::cells::Cells;
