@@ -126,7 +126,7 @@ impl Along {
             _ => Vec::new(),
         };
         let points: Vec<&[DVec3]> = lines.iter().map(|l| &l.line.points[..]).collect();
-        let nearest = Some(Arc::new(NearestOnLines::new(&walls, cells, &points, progress)?));
+        let nearest = Some(Arc::new(NearestOnLines::new(walls, cells, &points, progress)?));
         Ok(Self { lines, nearest, parts })
     }
 

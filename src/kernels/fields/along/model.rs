@@ -186,7 +186,7 @@ mod tests {
         let line = |y: f64| (10..110).map(|x| DVec3::new(f64::from(x), y, 15.0)).collect::<Vec<_>>();
         let (wide, narrow) = (line(20.0), line(39.0));
         let cells = Cells::of(&walls, 0.0, &Progress::new()).unwrap();
-        let nearest = NearestOnLines::new(&walls, cells, &[&wide, &narrow], &Progress::new()).unwrap();
+        let nearest = NearestOnLines::new(walls, cells, &[&wide, &narrow], &Progress::new()).unwrap();
         // Also right beside the wall, and in it, where the widest place of a cell of the other limb is nearer.
         for (x, y) in (15..105).flat_map(|x| (8..44).map(move |y| (x, y))) {
             let place = DVec3::new(f64::from(x), f64::from(y), 15.0);

@@ -36,14 +36,15 @@ struct Piece {
 
 impl NearestOnLines {
     /// Gives each cell of the lumen the point from which the way through the lumen is shortest, of all points of all `lines` (world,
-    /// mm): by Dijkstra's algorithm over the cells' widest places, so to about half a cell.
+    /// mm): by Dijkstra's algorithm over the cells' widest places, so to about half a cell. The distances are dropped as soon as they are not
+    /// needed, and are as large as all the rest.
     pub(in crate::fields) fn new(
-        walls: &WallDistance,
+        walls: WallDistance,
         mut cells: Cells,
         lines: &[&[DVec3]],
         progress: &Progress,
     ) -> Result<Self> {
-        cells.link(walls, 0.0);
+        cells.link(&walls, 0.0);
         let mut of: Vec<Option<(f64, (u32, u32))>> = vec![None; cells.nodes.len()];
         for (l, line) in lines.iter().enumerate() {
             for (p, &at) in line.iter().enumerate() {
@@ -54,11 +55,16 @@ impl NearestOnLines {
                 }
             }
         }
+        let grid = walls.grid().clone();
+        drop(walls);
+        colvis_scan::memory::release();
         progress.check()?;
         let starts: Vec<(u32, f64)> = (0..).zip(&of).filter_map(|(n, of)| Some((n, of.as_ref()?.0))).collect();
         let roots = cells.roots(&starts);
-        let (grid, (shape, dims)) = (walls.grid().clone(), cells.shape());
-        let mut out = Self { grid, shape, dims, pieces: Vec::new(), rows: vec![0; dims[1] * dims[2] + 1] };
+        drop(starts);
+        let (shape, dims) = cells.shape();
+        let pieces = Vec::with_capacity(roots.iter().flatten().count());
+        let mut out = Self { grid, shape, dims, pieces, rows: vec![0; dims[1] * dims[2] + 1] };
         for (node, root) in cells.nodes.iter().zip(roots) {
             let Some((_, of)) = root.and_then(|r| of[r as usize]) else { continue };
             let (corner, mask) = node.voxels();
