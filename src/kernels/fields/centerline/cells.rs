@@ -12,6 +12,7 @@ use crate::fields::WallDistance;
 use crate::fields::neighbours::{Neighbours, Ways};
 use crate::fields::voxels::each_bit;
 use crate::progress::Progress;
+use crate::volume::Grid;
 
 /// A piece of the lumen in one cell.
 #[derive(Clone, Copy, Debug)]
@@ -127,7 +128,7 @@ const GROUP: usize = 8;
 pub(in crate::fields) struct Cells {
     shape: Shape,
     pub nodes: Vec<Node>,
-    places: Vec<DVec3>,
+    grid: Grid,
     /// Number of nodes in each cell, x fastest.
     counts: Vec<u8>,
     /// Index of the first node in each [`GROUP`] of cells. Most cells have none, and an index for each would take as much as the nodes.
@@ -163,9 +164,9 @@ impl Cells {
             Some(before)
         };
         let first = counts.chunks(GROUP).scan(0, before).collect();
-        let places = nodes.iter().map(|n: &Node| walls.world(shape.widest(n))).collect();
         let neighbours = Neighbours::default();
-        let mut cells = Self { shape, nodes, places, counts, first, dims, neighbours, linked_mm: f64::NAN };
+        let (grid, linked_mm) = (grid.clone(), f64::NAN);
+        let mut cells = Self { shape, grid, nodes, counts, first, dims, neighbours, linked_mm };
         cells.link(walls, least_mm);
         Ok(cells)
     }
@@ -246,7 +247,7 @@ impl Cells {
     /// Returns for each node the start from which the way is shortest, if there is one. `starts` are nodes with what is added to
     /// their ways, mm.
     pub(super) fn roots(&self, starts: &[(u32, f64)]) -> Vec<Option<u32>> {
-        self.neighbours.roots(starts, |a, b| self.places[a as usize].distance(self.places[b as usize]))
+        self.neighbours.roots(starts, |a, b| self.place(a).distance(self.place(b)))
     }
 
     /// Returns the nodes that share a face with node `n`.
@@ -256,7 +257,8 @@ impl Cells {
 
     /// Returns the position of a node's widest voxel, world, mm.
     pub(crate) fn place(&self, n: u32) -> DVec3 {
-        self.places[n as usize]
+        let [i, j, k] = self.widest(n).map(|v| v as f64);
+        self.grid.world(DVec3::new(i, j, k))
     }
 
     /// Returns the node that contains a voxel of the lumen.
@@ -289,7 +291,7 @@ impl Cells {
     /// Returns the least-cost paths from `start` to all nodes, or as far as `to`. A path costs its length times
     /// `weight` of the two nodes' mean clearance (mm).
     pub(crate) fn ways(&self, start: u32, to: Option<u32>, weight: impl Fn(f64) -> f64) -> Ways {
-        let step = |a: u32, b: u32| self.places[a as usize].distance(self.places[b as usize]);
+        let step = |a: u32, b: u32| self.place(a).distance(self.place(b));
         let mean = |a: u32, b: u32| 0.5 * (self.nodes[a as usize].clearance() + self.nodes[b as usize].clearance());
         self.neighbours.ways(start, to, step, |a, b| weight(mean(a, b)))
     }
