@@ -59,10 +59,19 @@ pub fn return_large_blocks() {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::{Mutex, MutexGuard, PoisonError};
+
     use super::*;
+
+    /// Tests that look at the process's memory do so one after the other.
+    fn alone() -> MutexGuard<'static, ()> {
+        static ALONE: Mutex<()> = Mutex::new(());
+        ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 
     #[test]
     fn what_is_freed_is_returned() {
+        let _alone = alone();
         // Small enough to be kept by the C library.
         let parts: Vec<Vec<u8>> = (0..2000).map(|n| vec![n as u8; 60_000]).collect();
         let Some(before) = resident_bytes("VmRSS") else { return };
@@ -76,19 +85,17 @@ mod tests {
 
     #[test]
     fn large_blocks_are_returned_at_once() {
+        let _alone = alone();
         return_large_blocks();
         // As large as those that the C library would keep from now on.
         drop(vec![1u8; 30_000_000]);
         let Some(before) = resident_bytes("VmRSS") else { return };
-        let block = vec![2u8; 29_000_000];
-        // What comes later lies behind the block, and would keep it from being returned.
-        let later = vec![3u8; 100_000];
-        assert!(block.iter().chain(&later).all(|&b| b > 1));
-        drop(block);
+        // What comes later lies behind a block, and would keep it from being returned.
+        let blocks: Vec<_> = (0..5).map(|_| (vec![2u8; 29_000_000], vec![3u8; 100_000])).collect();
+        let later: Vec<_> = blocks.into_iter().map(|(_, later)| later).collect();
         let after = resident_bytes("VmRSS").unwrap();
         if cfg!(all(target_os = "linux", target_env = "gnu")) {
-            // Other tests run beside this one.
-            assert!(after < before + 20_000_000, "{before} {after}");
+            assert!(after < before + 70_000_000, "{before} {after}");
         }
         drop(later);
     }
@@ -107,6 +114,7 @@ mod tests {
 
     #[test]
     fn a_peak_can_be_forgotten() {
+        let _alone = alone();
         let large = vec![1u8; 200_000_000];
         let Some(before) = resident_bytes("VmHWM") else { return };
         assert!(large.iter().step_by(4096).all(|&b| b == 1));
