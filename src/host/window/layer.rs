@@ -35,31 +35,33 @@ pub(crate) struct Layer {
 }
 
 impl Layer {
-    /// Extracts the pixels of a canvas that are not transparent. The canvas has `width` pixels per row.
-    pub(crate) fn of(canvas: &[Bgra], width: usize) -> Self {
-        fearless_simd::dispatch!(Level::new(), _simd => Self::extracted(canvas, width))
+    /// Takes the pixels of a canvas that are not transparent, in place of what the layer held, whose memory is used again. The canvas has
+    /// `width` pixels per row.
+    pub(crate) fn fill(&mut self, canvas: &[Bgra], width: usize) {
+        fearless_simd::dispatch!(Level::new(), _simd => self.extract(canvas, width));
     }
 
     #[inline(always)]
-    fn extracted(canvas: &[Bgra], width: usize) -> Self {
-        let mut layer = Self::default();
-        for row in canvas.chunks_exact(width.max(1)) {
-            let mut runs: Vec<Run> = Vec::new();
+    fn extract(&mut self, canvas: &[Bgra], width: usize) {
+        let Self { rows, pixels } = self;
+        pixels.clear();
+        let lines = canvas.chunks_exact(width.max(1));
+        rows.resize_with(lines.len(), Vec::new);
+        for (row, runs) in lines.zip(rows) {
+            runs.clear();
             let mut x = 0;
             while let Some(columns) = next_run(row, x) {
                 x = columns.end;
-                let first = layer.pixels.len();
+                let first = pixels.len();
                 // Limit colours to alpha, so that no sum of two overflows.
-                layer.pixels.extend(
+                pixels.extend(
                     row[columns.clone()]
                         .iter()
                         .map(|&[b, g, r, a]| u32::from_le_bytes([b.min(a), g.min(a), r.min(a), a])),
                 );
                 runs.push(Run { columns, first });
             }
-            layer.rows.push(runs);
         }
-        layer
     }
 
     /// Blends it over a picture.
@@ -206,11 +208,15 @@ mod tests {
 
     #[test]
     fn only_what_is_not_clear_is_laid_over() {
+        // What the layer held before, a larger canvas, leaves nothing behind.
+        let mut layer = Layer::default();
+        layer.fill(&vec![[9, 9, 9, 255]; 50 * 80], 50);
+        assert_eq!((layer.rows.len(), layer.pixels.len()), (80, 50 * 80));
         let mut canvas = vec![[0u8; 4]; 40 * 70];
         canvas[40 * 33 + 5..40 * 33 + 9].fill([10, 20, 30, 255]);
         canvas[40 * 69 + 39] = [0, 0, 100, 128];
-        let layer = Layer::of(&canvas, 40);
-        assert_eq!(layer.pixels.len(), 5);
+        layer.fill(&canvas, 40);
+        assert_eq!((layer.rows.len(), layer.pixels.len()), (70, 5));
         let mut out = vec![9; 40 * 70];
         compose(&[], &layer, &mut out, 40);
         for (n, &p) in out.iter().enumerate() {

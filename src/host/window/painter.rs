@@ -24,6 +24,8 @@ use crate::schedule::report_fault;
 struct Request {
     layout: Arc<Layout>,
     textures: TexturesDelta,
+    /// A layer that is no longer shown, to be filled again.
+    spare: Layer,
 }
 
 /// Composes pictures.
@@ -37,6 +39,8 @@ pub(crate) struct Painter {
     /// The layout that is being rasterised.
     under_way: Option<Arc<Layout>>,
     layer: Layer,
+    /// The layer before it.
+    spare: Layer,
     /// The layout in `layer`.
     shown: Option<Arc<Layout>>,
 }
@@ -55,8 +59,8 @@ impl Painter {
         let (finished, done) = channel();
         let work = move || {
             let mut artist = Artist::new();
-            for Request { layout, textures } in todo {
-                let layer = artist.paint(&layout, &textures);
+            for Request { layout, textures, spare: mut layer } in todo {
+                artist.paint_into(&mut layer, &layout, &textures);
                 if finished.send((layout, layer)).is_err() {
                     break;
                 }
@@ -64,8 +68,8 @@ impl Painter {
         };
         let spawned = thread::Builder::new().name("overlay".to_owned()).spawn(work);
         spawned.map_err(|e| Error::fault("window", e.to_string(), "use --headless"))?;
-        let (textures, layer) = (TexturesDelta::default(), Layer::default());
-        Ok(Self { requests, done, wanted: None, textures, under_way: None, layer, shown: None })
+        let (textures, [layer, spare]) = (TexturesDelta::default(), Default::default());
+        Ok(Self { requests, done, wanted: None, textures, under_way: None, layer, spare, shown: None })
     }
 
     /// Sets the layout over the next picture. Pass every layout, in order, even if it is never painted.
@@ -110,7 +114,8 @@ impl Painter {
     /// Requests rasterisation, unless one is in progress. Returns true if one is in progress afterwards.
     fn request(&mut self, wanted: &Arc<Layout>) -> bool {
         if self.under_way.is_none() {
-            let request = Request { layout: Arc::clone(wanted), textures: mem::take(&mut self.textures) };
+            let (textures, spare) = (mem::take(&mut self.textures), mem::take(&mut self.spare));
+            let request = Request { layout: Arc::clone(wanted), textures, spare };
             if self.requests.send(request).is_ok() {
                 self.under_way = Some(Arc::clone(wanted));
             }
@@ -125,7 +130,7 @@ impl Painter {
         }
         let done = if wait { self.done.recv().ok() } else { self.done.try_recv().ok() };
         let Some((layout, layer)) = done else { return false };
-        self.layer = layer;
+        self.spare = mem::replace(&mut self.layer, layer);
         self.shown = Some(layout);
         self.under_way = None;
         true
@@ -188,6 +193,13 @@ impl Artist {
 
     /// Rasterises a layout, with the changes of the textures since the previous one.
     pub(crate) fn paint(&mut self, layout: &Layout, textures: &TexturesDelta) -> Layer {
+        let mut layer = Layer::default();
+        self.paint_into(&mut layer, layout, textures);
+        layer
+    }
+
+    /// Like [`Artist::paint`], into a layer that need not be empty.
+    fn paint_into(&mut self, layer: &mut Layer, layout: &Layout, textures: &TexturesDelta) {
         let ImageSize { width, height } = layout.size.pixels;
         let (shapes, scale) = (layout.tessellate(), layout.size.pixels_a_point());
         let is_small = shapes.iter().all(|shape| extent(shape) * scale <= LARGEST);
@@ -196,7 +208,7 @@ impl Artist {
         self.canvas.clear();
         self.canvas.resize(width * height, [0; 4]);
         self.raster.render(&mut BufferMutRef::new(&mut self.canvas, width, height), &shapes, textures, scale);
-        Layer::of(&self.canvas, width)
+        layer.fill(&self.canvas, width);
     }
 }
 

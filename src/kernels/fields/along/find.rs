@@ -105,6 +105,8 @@ impl Along {
         }
         let walls = WallDistance::of_values(values, lumen, Through::GasAndFluid, progress)?;
         let mut cells = Cells::of(&walls, 0.0, progress)?;
+        // They are gathered from pieces, which are as large.
+        colvis_scan::memory::release();
         let all = 0..lumen.segments.len();
         let whole = if lumen.ordered {
             let guesses = || connection::guesses_in(values, lumen, all.clone(), progress);
