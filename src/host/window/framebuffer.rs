@@ -180,7 +180,7 @@ impl Presenter for Framebuffer {
 
     fn beside(&mut self, slice: Entity, frame: &Frame) {
         match self.slices.iter_mut().find(|s| s.0 == slice) {
-            Some((_, kept)) => kept.clone_from(frame),
+            Some((_, kept)) => kept.show(frame),
             None => self.slices.push((slice, frame.clone())),
         }
     }
