@@ -49,7 +49,6 @@ use crate::error::{Error, Result};
 use crate::host::terminal::Bar;
 #[cfg(feature = "window")]
 use crate::host::window::panels::{ActionEntry, PanelEntry};
-use crate::memory;
 use crate::output;
 use crate::panics::{is_catching, note_place};
 use crate::polyps::Detector;
@@ -273,7 +272,6 @@ impl Program {
             Ok(args) => args,
             Err(e) => return args::refuse(&e),
         };
-        memory::return_large_blocks();
         end(&guarded(|| run(&self, args)))
     }
 

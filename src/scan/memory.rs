@@ -39,10 +39,11 @@ pub fn release() {
     }
 }
 
-/// The size from which blocks are returned to the system when they are freed, bytes: those of scans, fields and pictures.
-const LARGE: i32 = 1 << 19;
+/// The size from which blocks are returned to the system when they are freed, bytes: those of scans, fields and pictures. Cleansing works
+/// in blocks of 0.6 MiB, one after the other, and is faster if it gets them again.
+const LARGE: i32 = 3 << 18;
 
-/// Lets blocks of half a MiB and more be returned to the system as soon as they are freed, by a program as a whole, at its beginning.
+/// Lets blocks of three quarters of a MiB and more be returned to the system as soon as they are freed, from now on, in the whole program.
 ///
 /// By itself the C library of Linux (glibc) raises that size with each block that is freed, up to 32 MiB, and keeps what is smaller
 /// between blocks that are in use, where [`release`] does not get at it: a fifth of a scan in a window. Elsewhere this does nothing.

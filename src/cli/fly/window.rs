@@ -22,6 +22,7 @@ use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
 use crate::host::settings;
 use crate::host::window::{self, Asked, ReportOrder, Resume};
+use crate::memory;
 use crate::polyps::detectors;
 use crate::progress::Progress;
 use crate::render::CameraModel;
@@ -345,6 +346,9 @@ impl Departure {
             }
             Err(e) => return Err(e),
         };
+        // What prepared the flight takes blocks of all sizes again and again, and is faster if it gets them back. What follows goes on for
+        // hours.
+        memory::return_large_blocks();
         flight.setup().scene.image.settings.light.prepare(&flight.setup().volume);
         if let Some(mm_s) = self.way.mm_s {
             let cruise = flight.setup().scene.cruise_mm_s();

@@ -8,8 +8,8 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 
-use egui::epaint::{ClippedPrimitive, Primitive};
-use egui::{LayerId, Pos2, RawInput, TexturesDelta};
+use egui::epaint::{ClippedPrimitive, Mesh, Primitive, Vertex};
+use egui::{LayerId, Pos2, RawInput, Rect, TexturesDelta, Vec2};
 use egui_software_backend::{BufferMutRef, ColorFieldOrder, EguiSoftwareRender};
 
 use super::interface::{Interface, Layout, WindowSize};
@@ -181,14 +181,15 @@ pub(crate) struct Artist {
     canvas: Vec<Bgra>,
 }
 
-/// A shape of more pixels along a side is drawn less precisely, and one of twice as many not at all, unless the backend keeps pictures,
-/// which are cut.
+/// A shape of more pixels along a side is drawn less precisely, and one of twice as many not at all: it is cut first.
 const LARGEST: f32 = 4096.0;
+/// How far beyond what is seen of it a shape is cut, points.
+const BEYOND: f32 = 4.0;
 
 impl Artist {
     /// Creates an artist that has painted nothing yet.
     pub(crate) fn new() -> Self {
-        Self { raster: EguiSoftwareRender::new(ColorFieldOrder::Bgra), canvas: Vec::new() }
+        Self { raster: EguiSoftwareRender::new(ColorFieldOrder::Bgra).with_caching(false), canvas: Vec::new() }
     }
 
     /// Rasterises a layout, with the changes of the textures since the previous one.
@@ -201,10 +202,15 @@ impl Artist {
     /// Like [`Artist::paint`], into a layer that need not be empty.
     fn paint_into(&mut self, layer: &mut Layer, layout: &Layout, textures: &TexturesDelta) {
         let ImageSize { width, height } = layout.size.pixels;
-        let (shapes, scale) = (layout.tessellate(), layout.size.pixels_a_point());
-        let is_small = shapes.iter().all(|shape| extent(shape) * scale <= LARGEST);
-        let raster = mem::replace(&mut self.raster, EguiSoftwareRender::new(ColorFieldOrder::Bgra));
-        self.raster = raster.with_caching(!is_small);
+        let (mut shapes, scale) = (layout.tessellate(), layout.size.pixels_a_point());
+        let window = Rect::from_min_size(Pos2::ZERO, Vec2::new(width as f32, height as f32) / scale);
+        for ClippedPrimitive { clip_rect, primitive } in &mut shapes {
+            if let Primitive::Mesh(mesh) = primitive
+                && !(extent(mesh) * scale <= LARGEST)
+            {
+                *mesh = cut(mesh, clip_rect.intersect(window).expand(BEYOND));
+            }
+        }
         self.canvas.clear();
         self.canvas.resize(width * height, [0; 4]);
         self.raster.render(&mut BufferMutRef::new(&mut self.canvas, width, height), &shapes, textures, scale);
@@ -212,14 +218,51 @@ impl Artist {
     }
 }
 
-/// Returns the longer side of the box around a shape, points, however much of it is shown.
-fn extent(shape: &ClippedPrimitive) -> f32 {
-    let Primitive::Mesh(mesh) = &shape.primitive else { return 0.0 };
+/// Returns the longer side of the box around a mesh, points.
+fn extent(mesh: &Mesh) -> f32 {
     let (mut low, mut high) = (Pos2::new(f32::MAX, f32::MAX), Pos2::new(f32::MIN, f32::MIN));
     for vertex in &mesh.vertices {
         (low, high) = (low.min(vertex.pos), high.max(vertex.pos));
     }
     (high - low).max_elem()
+}
+
+/// Returns the part of a mesh inside a rectangle: each triangle cut at one side after the other (Sutherland and Hodgman 1974).
+fn cut(mesh: &Mesh, to: Rect) -> Mesh {
+    let mut out = Mesh { texture_id: mesh.texture_id, ..Mesh::default() };
+    let inside: [fn(Pos2, Rect) -> f32; 4] =
+        [|p, r| p.x - r.left(), |p, r| r.right() - p.x, |p, r| p.y - r.top(), |p, r| r.bottom() - p.y];
+    for triangle in mesh.indices.as_chunks::<3>().0 {
+        let corners = triangle.map(|n| mesh.vertices[n as usize]);
+        if !corners.iter().all(|c| c.pos.is_finite()) {
+            continue;
+        }
+        let mut part = Vec::from(corners);
+        for side in inside {
+            let corners = mem::take(&mut part);
+            for (n, &here) in corners.iter().enumerate() {
+                let next = corners[(n + 1) % corners.len()];
+                let [a, b] = [here, next].map(|v| side(v.pos, to));
+                if a >= 0.0 {
+                    part.push(here);
+                }
+                if (a >= 0.0) != (b >= 0.0) {
+                    part.push(between(here, next, a / (a - b)));
+                }
+            }
+        }
+        let first = out.vertices.len() as u32;
+        for n in 2..part.len() as u32 {
+            out.indices.extend([first, first + n - 1, first + n]);
+        }
+        out.vertices.extend(part);
+    }
+    out
+}
+
+/// Returns the vertex at a share of the way between two.
+fn between(a: Vertex, b: Vertex, share: f32) -> Vertex {
+    Vertex { pos: a.pos.lerp(b.pos, share), uv: a.uv.lerp(b.uv, share), color: a.color.lerp_to_gamma(b.color, share) }
 }
 
 /// Returns the pixels per point of the interface in a window of `pixels` with the system's scale factor `scale`.
@@ -362,6 +405,32 @@ mod tests {
         for reach in [3000.0, 20_000.0, 10.0] {
             assert!(line(reach) == inside, "{reach}");
         }
+    }
+
+    #[test]
+    fn a_mesh_is_cut_where_a_rectangle_ends() {
+        let vertex = |x: f32, y: f32| {
+            let (pos, uv) = (Pos2::new(x, y), Pos2::new(0.001 * x, 0.002 * y));
+            Vertex { pos, uv, color: egui::Color32::from_gray((0.1 * x.clamp(0.0, 2000.0)) as u8) }
+        };
+        let mut mesh = Mesh::default();
+        mesh.vertices = vec![vertex(0.0, 0.0), vertex(2000.0, 0.0), vertex(2000.0, 2000.0), vertex(f32::NAN, 0.0)];
+        mesh.indices = vec![0, 1, 2, 0, 1, 3];
+        let area = |mesh: &Mesh| -> f32 {
+            let corner = |n: u32| mesh.vertices[n as usize].pos;
+            let triangles = mesh.indices.as_chunks::<3>().0.iter();
+            triangles.map(|t| t.map(corner)).map(|[a, b, c]| 0.5 * (b - a).rot90().dot(c - a).abs()).sum()
+        };
+        let to = Rect::from_min_max(Pos2::new(100.0, -50.0), Pos2::new(300.0, 200.0));
+        let part = cut(&mesh, to);
+        // Below the diagonal: all of 100 by 100, and a half of 100 by 100; then 100 by 200.
+        assert!((area(&part) - (100.0 * 100.0 + 0.5 * 100.0 * 100.0 + 100.0 * 200.0)).abs() < 1.0, "{}", area(&part));
+        for v in &part.vertices {
+            assert!(to.expand(0.01).contains(v.pos), "{:?}", v.pos);
+            assert!((v.uv.x - 0.001 * v.pos.x).abs() < 1e-4 && (v.uv.y - 0.002 * v.pos.y).abs() < 1e-4);
+            assert!((f32::from(v.color.r()) - 0.1 * v.pos.x).abs() < 1.6, "{:?}", v);
+        }
+        assert!(cut(&mesh, Rect::from_min_max(Pos2::new(-9.0, 300.0), Pos2::new(90.0, 900.0))).indices.is_empty());
     }
 
     /// Cost of a picture of 1024² besides the ray caster, with the same overlay and with a different one each time. Run it by
