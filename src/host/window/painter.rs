@@ -206,7 +206,7 @@ impl Artist {
         let window = Rect::from_min_size(Pos2::ZERO, Vec2::new(width as f32, height as f32) / scale);
         for ClippedPrimitive { clip_rect, primitive } in &mut shapes {
             if let Primitive::Mesh(mesh) = primitive
-                && !(extent(mesh) * scale <= LARGEST)
+                && is_large(mesh, LARGEST / scale)
             {
                 *mesh = cut(mesh, clip_rect.intersect(window).expand(BEYOND));
             }
@@ -218,13 +218,15 @@ impl Artist {
     }
 }
 
-/// Returns the longer side of the box around a mesh, points.
-fn extent(mesh: &Mesh) -> f32 {
+/// True if a side of the box around a mesh is longer than `most`, points, or a vertex is nowhere.
+fn is_large(mesh: &Mesh, most: f32) -> bool {
     let (mut low, mut high) = (Pos2::new(f32::MAX, f32::MAX), Pos2::new(f32::MIN, f32::MIN));
+    let mut is_finite = true;
     for vertex in &mesh.vertices {
         (low, high) = (low.min(vertex.pos), high.max(vertex.pos));
+        is_finite &= vertex.pos.is_finite();
     }
-    (high - low).max_elem()
+    !is_finite || (high - low).max_elem() > most
 }
 
 /// Returns the part of a mesh inside a rectangle: each triangle cut at one side after the other (Sutherland and Hodgman 1974).

@@ -47,12 +47,11 @@ impl Cells {
             let voxel = (grid.voxel(centre) + 0.5).to_array();
             [0, 1, 2].map(|a| (voxel[a].max(0.0) as usize / side[a]).min(dims[a] - 1))
         };
-        let mut rows = vec![Row { from: u32::MAX, len: 0, at: 0 }; dims[1] * dims[2]];
+        let mut rows = vec![Row { from: 0, len: 0, at: 0 }; dims[1] * dims[2]];
         for [i, j, k] in centres.clone().map(cell_of) {
-            let row = &mut rows[j + dims[1] * k];
-            let end = (row.from.saturating_add(row.len)).max(i as u32 + 1);
-            let (from, end) = if row.len == 0 { (i as u32, i as u32 + 1) } else { (row.from.min(i as u32), end) };
-            (row.from, row.len) = (from, end - from);
+            let (row, i) = (&mut rows[j + dims[1] * k], i as u32);
+            let (from, end) = if row.len == 0 { (i, i) } else { (row.from.min(i), (row.from + row.len).max(i + 1)) };
+            (row.from, row.len) = (from, end.max(i + 1) - from);
         }
         let mut count = 0;
         for row in &mut rows {
