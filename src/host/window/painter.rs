@@ -415,9 +415,8 @@ mod tests {
             let (pos, uv) = (Pos2::new(x, y), Pos2::new(0.001 * x, 0.002 * y));
             Vertex { pos, uv, color: egui::Color32::from_gray((0.1 * x.clamp(0.0, 2000.0)) as u8) }
         };
-        let mut mesh = Mesh::default();
-        mesh.vertices = vec![vertex(0.0, 0.0), vertex(2000.0, 0.0), vertex(2000.0, 2000.0), vertex(f32::NAN, 0.0)];
-        mesh.indices = vec![0, 1, 2, 0, 1, 3];
+        let vertices = vec![vertex(0.0, 0.0), vertex(2000.0, 0.0), vertex(2000.0, 2000.0), vertex(f32::NAN, 0.0)];
+        let mesh = Mesh { vertices, indices: vec![0, 1, 2, 0, 1, 3], ..Mesh::default() };
         let area = |mesh: &Mesh| -> f32 {
             let corner = |n: u32| mesh.vertices[n as usize].pos;
             let triangles = mesh.indices.as_chunks::<3>().0.iter();
